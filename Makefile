@@ -1,0 +1,42 @@
+# `make demo` and `make test` set up their own virtual environment; they need Python >= 3.11 with
+# venv, and a C compiler for the generated code.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: demo test benchmarks figures clean
+
+demo: $(VENV)/installed
+	@command -v gcc >/dev/null || { echo "make demo compiles C: gcc is missing (Debian: apt-get install gcc)"; exit 1; }
+	$(BIN)/curvcasadi demo
+
+test: $(VENV)/installed-test
+	@command -v gcc >/dev/null || { echo "make test compiles C: gcc is missing (Debian: apt-get install gcc)"; exit 1; }
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/mypy --strict -p curvcasadi.lie -m curvcasadi.basis -m curvcasadi.families -m curvcasadi.grid -m curvcasadi.layout
+	$(BIN)/pytest -n 2
+
+benchmarks: $(VENV)/installed-test
+	$(BIN)/python -m benchmarks
+
+$(VENV)/installed: pyproject.toml
+	@$(MAKE) --no-print-directory $(VENV)/bin/pip
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(VENV)/installed-test: pyproject.toml
+	@$(MAKE) --no-print-directory $(VENV)/bin/pip
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[test]"
+	@touch $@ $(VENV)/installed
+
+$(VENV)/bin/pip:
+	@command -v $(PYTHON) >/dev/null || { echo "Python 3.11 or later is missing (Debian: apt-get install python3)"; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$(PYTHON) is older than 3.11: name a newer one, make PYTHON=python3.12 ..."; exit 1; }
+	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || { echo "Python's venv module is missing (Debian: apt-get install python3-venv)"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+clean:
+	rm -rf $(VENV) build out *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

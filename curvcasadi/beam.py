@@ -1,0 +1,155 @@
+"""The description of a beam, and its mirror image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.basis import Basis, MirroredBasis
+from curvcasadi.expressions import (
+    AnyExpr,
+    Array,
+    Number,
+    expression,
+    is_numeric,
+    positive,
+    rotation_matrix,
+)
+from curvcasadi.grid import COINCIDENT, Grid
+from curvcasadi.pose import Pose
+from curvcasadi.section import Section
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Beam:
+    """An inextensible, unshearable beam whose curvature is K = K_0 + Φ q (Eq. 3).
+
+    `length`, `root`, `initial_curvature` and the fields of `section` may hold CasADi symbols.
+    """
+
+    length: Number  #: L, m
+    basis: Basis  #: Φ; weights q in rad/m
+    grid: Grid  #: elements and integration rule
+    section: Section | None = None  #: needed by what depends on stiffness or mass
+    root: Pose = field(default_factory=Pose.identity)  #: local frame at xi = 0, parent axes
+    initial_curvature: Number | None = None  #: K_0 (3,), rad/m, local axes, or a function of xi
+    weight_bounds: Number | None = None  #: rad/m: b, (b_1 … b_n), or a pair (lower, upper)
+
+    def __post_init__(self) -> None:
+        positive("Beam.length", self.length)
+        for name, kind in (("grid", Grid), ("root", Pose)):
+            if not isinstance(getattr(self, name), kind):
+                raise ValueError(
+                    f"Beam.{name}: expected a {kind.__name__}, found {getattr(self, name)!r}"
+                )
+        rotation_matrix("Beam.root.rotation", self.root.rotation)
+        if self.section is not None and not isinstance(self.section, Section):
+            raise ValueError(f"Beam.section: expected a Section, found {self.section!r}")
+        if not (callable(self.basis) and getattr(self.basis, "n", 0) >= 1):
+            raise ValueError(
+                "Beam.basis: expected a basis such as ChannelBasis(out_of_plane=Legendre(4)), "
+                f"found {self.basis!r}"
+            )
+        if self.initial_curvature is not None and not callable(self.initial_curvature):
+            expression("Beam.initial_curvature", self.initial_curvature, (3, 1))
+        object.__setattr__(self, "_bounds", self._validated_bounds())
+
+    def _validated_bounds(self) -> tuple[Array, Array]:
+        n, bounds = self.basis.n, self.weight_bounds
+        if bounds is None:
+            return np.full(n, -np.inf), np.full(n, np.inf)
+        try:
+            lower, upper = (
+                np.array(np.broadcast_to(np.asarray(side, dtype=float), (n,)))
+                for side in (bounds if isinstance(bounds, tuple) else (-np.asarray(bounds), bounds))
+            )
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"Beam.weight_bounds: expected a number, {n} numbers or a pair (lower, upper) of "
+                f"these, found {bounds!r}"
+            ) from None
+        if not np.all(lower <= upper):  # also refuses NaN
+            raise ValueError(
+                "Beam.weight_bounds: expected lower bounds not above upper ones, "
+                f"found {lower.tolist()} and {upper.tolist()}"
+            )
+        return lower, upper
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds (n,) of the weights, rad/m; infinite where none is declared."""
+        lower, upper = self._bounds  # type: ignore[attr-defined]
+        return lower.copy(), upper.copy()
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Interior xi that no element crosses: breaks of the basis, K_0 and the section."""
+        sources = (self.basis, self.initial_curvature, self.section)
+        points = sorted(x for source in sources for x in getattr(source, "breaks", ()))
+        kept: list[float] = []
+        for x in points:
+            if x - (kept[-1] if kept else 0.0) > COINCIDENT and 1.0 - x > COINCIDENT:
+                kept.append(float(x))
+        return tuple(kept)
+
+    @property
+    def stations(self) -> Array:
+        """Element boundaries xi (N + 1,) from 0 to 1; every break is one."""
+        return self.grid.stations(self.breaks)
+
+    def initial_curvature_at(self, xi: float) -> AnyExpr:
+        """K_0 (3, 1), rad/m, local axes, at the station `xi`."""
+        k0 = self.initial_curvature
+        if k0 is None:
+            return ca.DM.zeros(3)
+        return expression("Beam.initial_curvature", k0(xi) if callable(k0) else k0, (3, 1))
+
+
+def mirror(beam: Beam) -> Beam:
+    """The other half wing: a mirror-symmetric shape has the same q on both.
+
+    The mirror plane is y = 0 of the parent frame. With S = diag(1, −1, 1) in parent and
+    S_l = diag(1, 1, −1) in local axes the root becomes (S R S_l, S p), so that x still runs to the
+    tip and y to the leading edge; curvature rows of basis and K_0 change by diag(−1, −1, 1).
+    """
+    flip = ca.DM([-1, -1, 1])
+    parent, local = ca.diag(ca.DM([1, -1, 1])), ca.diag(ca.DM([1, 1, -1]))
+    basis = beam.basis
+    return replace(
+        beam,
+        root=Pose(
+            rotation=parent @ beam.root.rotation @ local, position=parent @ beam.root.position
+        ),
+        basis=basis.original if isinstance(basis, MirroredBasis) else MirroredBasis(basis),
+        initial_curvature=_mirrored_curvature(beam, flip),
+    )
+
+
+def _mirrored_curvature(beam: Beam, flip: ca.DM) -> Number | None:
+    k0 = beam.initial_curvature
+    if k0 is None:
+        return None
+    if not callable(k0):
+        return flip * expression("Beam.initial_curvature", k0, (3, 1))
+    return _MirroredCurvature(beam)
+
+
+@dataclass(frozen=True, eq=False)
+class _MirroredCurvature:
+    original: Beam
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return tuple(getattr(self.original.initial_curvature, "breaks", ()))
+
+    def __call__(self, xi: float) -> AnyExpr:
+        return ca.DM([-1, -1, 1]) * self.original.initial_curvature_at(xi)
+
+
+def numeric_length(beam: Beam, purpose: str) -> float:
+    """The length of `beam`, m, where `purpose` needs a number."""
+    if not is_numeric(beam.length):
+        raise ValueError(f"Beam.length: {purpose} needs a number, found the symbol {beam.length}")
+    return float(beam.length)

@@ -1,0 +1,153 @@
+"""Division of a beam into elements, and how an element is integrated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal, cast
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from curvcasadi.expressions import Array, choice, count
+from curvcasadi.lie.series import degree_for
+
+RuleName = Literal["trapezoid", "midpoint", "magnus4", "magnus6"]
+ExponentialName = Literal["series", "rodrigues", "small_angle_sine", "small_angle"]
+Real = Literal["double", "float"]
+RULES = ("trapezoid", "midpoint", "magnus4", "magnus6")
+EXPONENTIALS = ("series", "rodrigues", "small_angle_sine", "small_angle")
+
+#: Stations closer than this are one station.
+COINCIDENT = 1e-12
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Grid:
+    """Elements along xi = s/L, the rule within an element and its exponential.
+
+    Make one by `Grid.uniform(n)`, `Grid.lobatto(n)` or `Grid(boundaries=[...])`.
+    """
+
+    boundaries: Array | None = None  #: (N + 1,) increasing from 0 to 1, for a custom grid
+    kind: Literal["uniform", "lobatto", "custom"] = "custom"
+    elements: int | None = None  #: number of elements of the beam; of a custom grid None
+    rule: RuleName = "magnus4"  #: curvatures of an element to its strain; orders 2, 2, 4, 6
+    exponential: ExponentialName = "series"  #: exact by default; the others are the paper's
+    max_angle: float = 1.0  #: largest angle that one element may turn, rad
+    real: Real = "double"  #: arithmetic that the polynomials are made for
+
+    def __post_init__(self) -> None:
+        choice("Grid.kind", self.kind, ("uniform", "lobatto", "custom"))
+        choice("Grid.rule", self.rule, RULES)
+        choice("Grid.exponential", self.exponential, EXPONENTIALS)
+        choice("Grid.real", self.real, ("double", "float"))
+        if not 0 < self.max_angle <= np.pi:
+            raise ValueError(
+                f"Grid.max_angle: expected an angle in (0, π] rad, found {self.max_angle}"
+            )
+        if self.kind != "custom":
+            count("Grid.elements", cast(int, self.elements))
+            return
+        if self.boundaries is None:
+            raise ValueError("Grid.boundaries: expected numbers from 0 to 1, found None")
+        boundaries = np.array(self.boundaries, dtype=float)
+        if boundaries.ndim != 1 or len(boundaries) < 2 or not np.all(np.diff(boundaries) > 0):
+            raise ValueError(
+                "Grid.boundaries: expected at least two numbers, each above the one before; "
+                f"found {boundaries.tolist()}"
+            )
+        if boundaries[0] != 0 or boundaries[-1] != 1:
+            raise ValueError(
+                "Grid.boundaries: expected the first to be 0 and the last 1, "
+                f"found {boundaries[0]} and {boundaries[-1]}"
+            )
+        boundaries.setflags(write=False)
+        object.__setattr__(self, "boundaries", boundaries)
+
+    @classmethod
+    def uniform(
+        cls,
+        n: int,
+        *,
+        rule: RuleName = "magnus4",
+        exponential: ExponentialName = "series",
+        max_angle: float = 1.0,
+        real: Real = "double",
+    ) -> Grid:
+        """`n` elements of equal length; with breaks, equal between two breaks."""
+        return cls(
+            kind="uniform",
+            elements=n,
+            rule=rule,
+            exponential=exponential,
+            max_angle=max_angle,
+            real=real,
+        )
+
+    @classmethod
+    def lobatto(
+        cls,
+        n: int,
+        *,
+        rule: RuleName = "magnus4",
+        exponential: ExponentialName = "series",
+        max_angle: float = 1.0,
+        real: Real = "double",
+    ) -> Grid:
+        """`n` elements between Gauss–Lobatto points, a set of points between two breaks."""
+        return replace(
+            cls.uniform(n, rule=rule, exponential=exponential, max_angle=max_angle, real=real),
+            kind="lobatto",
+        )
+
+    @property
+    def degree(self) -> int:
+        """Degree in θ² of the polynomials of an element's exponential."""
+        return degree_for(self.max_angle, self.real)
+
+    def stations(self, breaks: tuple[float, ...] = ()) -> Array:
+        """Element boundaries (N + 1,) of a beam whose smoothness ends at `breaks`.
+
+        Every break is a boundary. A uniform or Lobatto grid shares its elements among the panels
+        between breaks by their length, at least one each; a custom grid gains the breaks.
+        """
+        panels = np.array([0.0, *breaks, 1.0])
+        if self.kind == "custom":
+            return _merge(np.concatenate([cast(Array, self.boundaries), panels]))
+        points = _uniform_points if self.kind == "uniform" else lobatto_points
+        pieces = [
+            left + (right - left) * points(n)[:-1]
+            for left, right, n in zip(
+                panels[:-1],
+                panels[1:],
+                _shares(cast(int, self.elements), np.diff(panels)),
+                strict=True,
+            )
+        ]
+        return np.concatenate([*pieces, [1.0]])
+
+
+def lobatto_points(n: int) -> Array:
+    """The n + 1 Gauss–Lobatto points on [0, 1]: the ends and the roots of P_n'."""
+    interior = legendre.legroots(legendre.legder(np.eye(n + 1)[n])) if n > 1 else np.array([])
+    points = np.concatenate([[-1.0], np.sort(np.real(interior)), [1.0]])
+    return np.asarray((1 + (points - points[::-1]) / 2) / 2)  # exactly symmetric
+
+
+def _uniform_points(n: int) -> Array:
+    return np.linspace(0.0, 1.0, n + 1)
+
+
+def _shares(total: int, lengths: Array) -> list[int]:
+    """Whole numbers of at least one, proportional to `lengths`, that sum to `total` if they can."""
+    shares = np.ones(len(lengths), dtype=int)
+    while shares.sum() < total:
+        shares[np.argmax(lengths / shares)] += 1
+    return [int(share) for share in shares]
+
+
+def _merge(points: Array) -> Array:
+    """Sorted points without near-coincident ones."""
+    ordered = np.sort(points)
+    kept = np.concatenate([[True], np.diff(ordered) > COINCIDENT])
+    return np.asarray(ordered[kept])

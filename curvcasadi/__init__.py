@@ -2,6 +2,8 @@
 
 from curvcasadi.basis import ChannelBasis, VectorBasis
 from curvcasadi.beam import Beam, mirror
+from curvcasadi.control_model import ControlModel, kinematic_model
+from curvcasadi.errors import ConvergenceError
 from curvcasadi.families import (
     BSpline,
     CantileverModes,
@@ -13,9 +15,16 @@ from curvcasadi.families import (
 )
 from curvcasadi.functions import function
 from curvcasadi.grid import Grid
+from curvcasadi.integrators import rk4_step
 from curvcasadi.kinematics import body_jacobian, body_jacobian_rate, body_twist
+from curvcasadi.layout import Layout, Part
+from curvcasadi.ocp.reach import ShapeResult, reach_shape
+from curvcasadi.ocp.shape_target import shape_target_function
+from curvcasadi.ocp.targets import Target
+from curvcasadi.ocp.tip_path import tip_path_step_function
 from curvcasadi.pose import Pose
 from curvcasadi.pose_function import pose_function, tip_function
+from curvcasadi.resolution import elements_for
 from curvcasadi.section import Section
 from curvcasadi.shape import Shape, curvature, pose_at, shape_map, squared_element_angles
 from curvcasadi.statics import strain_energy
@@ -26,25 +35,37 @@ __all__ = [
     "CantileverModes",
     "ChannelBasis",
     "Chebyshev",
+    "ControlModel",
+    "ConvergenceError",
     "Grid",
+    "Layout",
     "Legendre",
     "Monomial",
+    "Part",
     "PiecewiseConstant",
     "Pose",
     "Section",
     "Shape",
+    "ShapeResult",
     "Tabulated",
+    "Target",
     "VectorBasis",
     "body_jacobian",
     "body_jacobian_rate",
     "body_twist",
     "curvature",
+    "elements_for",
     "function",
+    "kinematic_model",
     "mirror",
     "pose_at",
     "pose_function",
+    "reach_shape",
+    "rk4_step",
     "shape_map",
+    "shape_target_function",
     "squared_element_angles",
     "strain_energy",
     "tip_function",
+    "tip_path_step_function",
 ]

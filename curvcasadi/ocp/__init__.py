@@ -1,0 +1,1 @@
+"""Optimal control and shape targets built on the shape map."""

@@ -1,0 +1,237 @@
+"""Where stations shall be: targets, their residuals, and the limits that weights keep meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, cast
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.beam import Beam, numeric_length
+from curvcasadi.chain import design_fields
+from curvcasadi.expressions import (
+    AnyExpr,
+    Array,
+    Number,
+    choice,
+    expression,
+    is_numeric,
+    positive,
+    rotation_matrix,
+    station,
+)
+from curvcasadi.lie import so3
+from curvcasadi.pose_function import pose_function
+from curvcasadi.resolution import largest_element_angles
+from curvcasadi.section import Section
+from curvcasadi.shape import curvature, squared_element_angles
+from curvcasadi.statics import stiffness_matrix
+
+#: Fraction of the length, and rad, within which a target counts as met unless it says otherwise.
+TOLERANCE = 1e-6
+
+Regularizer = Literal["smoothness", "strain_energy"]
+REGULARIZERS = ("smoothness", "strain_energy")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Target:
+    """A position, an attitude, or both, for the local frame at one station; parent axes.
+
+    Without `weight` it is to be met to its tolerance; with `weight` it is least squares,
+    ½ weight (|Δp|²/L² + |Δφ|²), Δφ the rotation vector between the two attitudes.
+    """
+
+    xi: float  #: station s/L
+    position: Number | None = None  #: (3, 1), m
+    rotation: Number | None = None  #: (3, 3), local to parent
+    weight: float | None = None  #: dimensionless
+    tolerance: float | None = None  #: fraction of the length and rad; 1e-6 unless given
+
+    def __post_init__(self) -> None:
+        station("Target.xi", self.xi)
+        if self.position is None and self.rotation is None:
+            raise ValueError("Target: expected a position, a rotation or both, found neither")
+        if self.position is not None:
+            position = expression("Target.position", self.position, (3, 1))
+            _numeric("Target.position", position)
+            object.__setattr__(self, "position", position)
+        if self.rotation is not None:
+            rotation = rotation_matrix("Target.rotation", self.rotation)
+            _numeric("Target.rotation", rotation)
+            object.__setattr__(self, "rotation", rotation)
+        for name in ("weight", "tolerance"):
+            if getattr(self, name) is not None:
+                _numeric(f"Target.{name}", positive(f"Target.{name}", getattr(self, name)))
+        if self.weight is not None and self.tolerance is not None:
+            raise ValueError(
+                "Target: expected a tolerance (to be met) or a weight (least squares), found both"
+            )
+
+
+def _numeric(name: str, value: Number) -> None:
+    if not is_numeric(value):
+        raise ValueError(f"{name}: expected numbers, found the symbol {value}")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Residuals:
+    """Errors of targets as expressions of the weights and of the targets' values.
+
+    Entries are fractions of the length and rad. The values are symbols, so that one solver serves
+    every value of the same kind of targets.
+    """
+
+    positions: ca.MX  #: (3, P) desired positions, targets with a position in order
+    rotations: ca.MX  #: (3, 3 R) desired attitudes, targets with a rotation in order
+    to_meet: ca.MX  #: errors of the unweighted targets
+    tolerances: Array  #: of `to_meet`, entry by entry
+    weighted: ca.MX  #: errors of the weighted targets, times √weight
+    distances: ca.MX  #: (P, 1) distances to the positions, m
+    angles: ca.MX  #: (R, 1) angles to the attitudes, rad
+
+
+def residuals(beam: Beam, targets: Sequence[Target], q: ca.MX) -> Residuals:
+    """Residuals of `targets` at the MX weights `q`, with structured derivatives."""
+    length = numeric_length(beam, "a shape target")
+    stations = sorted({float(target.xi) for target in targets})
+    position, rotation = pose_function("target_poses", beam, stations)(q)
+    desired_positions = ca.MX.sym("positions", 3, sum(t.position is not None for t in targets))
+    desired_rotations = ca.MX.sym("rotations", 3, 3 * sum(t.rotation is not None for t in targets))
+    columns = iter(ca.horzsplit(desired_positions))
+    frames = iter(ca.horzsplit(desired_rotations, 3))
+
+    parts: dict[str, list[AnyExpr]] = {
+        "to_meet": [],
+        "tolerances": [],
+        "weighted": [],
+        "distances": [],
+        "angles": [],
+    }
+    for target in targets:
+        k = stations.index(float(target.xi))
+        errors = []
+        if target.position is not None:
+            error = position[:, k] - next(columns)
+            errors.append(error / length)
+            parts["distances"].append(ca.norm_2(error))
+        if target.rotation is not None:
+            error = so3.log_error(rotation[:, 3 * k : 3 * k + 3], next(frames))
+            errors.append(error)
+            parts["angles"].append(ca.norm_2(error))
+        if target.weight is None:
+            parts["to_meet"] += errors
+            tolerance = TOLERANCE if target.tolerance is None else float(target.tolerance)
+            parts["tolerances"] += [tolerance] * (3 * len(errors))
+        else:
+            parts["weighted"] += [np.sqrt(float(target.weight)) * error for error in errors]
+    return Residuals(
+        positions=desired_positions,
+        rotations=desired_rotations,
+        to_meet=_stack(parts["to_meet"]),
+        tolerances=np.array(parts["tolerances"], dtype=float),
+        weighted=_stack(parts["weighted"]),
+        distances=_stack(parts["distances"]),
+        angles=_stack(parts["angles"]),
+    )
+
+
+def _stack(parts: list[AnyExpr]) -> ca.MX:
+    return ca.vertcat(ca.MX(0, 1), *parts)
+
+
+def values_of(targets: Sequence[Target]) -> tuple[ca.DM, ca.DM]:
+    """Numeric (positions, rotations) of `targets`, in the order of `Residuals`."""
+    positions = [t.position for t in targets if t.position is not None]
+    rotations = [t.rotation for t in targets if t.rotation is not None]
+    return (
+        ca.horzcat(*positions) if positions else ca.DM(3, 0),
+        ca.horzcat(*rotations) if rotations else ca.DM(3, 0),
+    )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Limits:
+    """Constraints lower ≤ expression ≤ upper on the shape, beside the bounds of the weights."""
+
+    expression: ca.MX
+    lower: Array
+    upper: Array
+    names: tuple[str, ...]  #: what each entry limits
+
+
+def shape_limits(beam: Beam, q: ca.MX, curvature_bound: Number | None) -> Limits:
+    """Limits of curvature at the stations, and of the elements that may exceed `Grid.max_angle`.
+
+    Parameters
+    ----------
+    curvature_bound : rad/m, on |K_x|, |K_y|, |K_z|: one number, three (inf for none), or None
+    """
+    parts: list[tuple[AnyExpr, float, float, str]] = []
+    if curvature_bound is not None:
+        bounds = _curvature_bounds(curvature_bound)
+        for xi in beam.stations:
+            k = curvature(beam, q, xi)
+            for row in np.flatnonzero(np.isfinite(bounds)):
+                name = f"K_{'xyz'[row]} at xi = {xi:.3g}"
+                parts.append((k[int(row)], -bounds[row], bounds[row], name))
+    beyond = np.flatnonzero(~(largest_element_angles(beam) <= beam.grid.max_angle))
+    if len(beyond):
+        angles = squared_element_angles(beam, q)
+        largest = beam.grid.max_angle**2
+        parts += [(angles[int(e)], 0.0, largest, f"angle of element {e}") for e in beyond]
+    expressions, lower, upper, names = zip(*parts, strict=True) if parts else ((), (), (), ())
+    return Limits(
+        expression=ca.vertcat(ca.MX(0, 1), *expressions),
+        lower=np.array(lower, dtype=float),
+        upper=np.array(upper, dtype=float),
+        names=names,
+    )
+
+
+def _curvature_bounds(value: Number) -> Array:
+    try:
+        bounds = np.array(np.broadcast_to(np.asarray(value, dtype=float), (3,)))
+    except (TypeError, ValueError):
+        bounds = np.full(3, np.nan)
+    if not np.all(bounds > 0):
+        raise ValueError(
+            f"curvature_bound: expected one or three numbers above zero, rad/m, found {value!r}"
+        )
+    return bounds
+
+
+def regularizer_matrix(beam: Beam, regularizer: Regularizer) -> ca.DM:
+    """Dimensionless matrix W (n, n), m² rad⁻², of the preference ½ qᵀ W q among shapes.
+
+    "smoothness": L² ∫ |K − K_0|² + |d(K − K_0)/dxi|² dxi, slopes by differences between samples;
+    "strain_energy": the strain energy over (largest rigidity)/L.
+    """
+    choice("regularizer", regularizer, REGULARIZERS)
+    length = numeric_length(beam, "a regularizer")
+    if regularizer == "smoothness":
+        samples = np.linspace(0, 1, 201)
+        phi = np.array([beam.basis(xi) for xi in samples])
+        slope = np.diff(phi, axis=0) / np.diff(samples)[:, None, None]
+        middle = (phi[1:] + phi[:-1]) / 2
+        gram = sum(np.einsum("sij,sik->jk", f, f) for f in (middle, slope)) / len(slope)
+        return ca.DM(length**2 * gram)
+    matrix, section = stiffness_matrix(beam), cast(Section, beam.section)
+    if not is_numeric(matrix):
+        raise ValueError("Beam.section: a regularizer needs numbers, found symbols")
+    largest = max(float(ca.mmax(section.stiffness(xi))) for xi in beam.stations)
+    return ca.DM(matrix * length / largest)
+
+
+def checked_problem(beam: Beam, targets: Sequence[Target]) -> list[Target]:
+    """`targets` as a list, for a numeric beam."""
+    symbols = design_fields(beam)
+    if symbols:
+        field, symbol = next(iter(symbols.items()))
+        raise ValueError(f"{field}: a shape target needs numbers, found the symbol {symbol}")
+    targets = list(targets)
+    if not targets or not all(isinstance(target, Target) for target in targets):
+        raise ValueError(f"targets: expected one or more Target, found {targets!r}")
+    return targets

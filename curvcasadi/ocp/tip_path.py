@@ -1,0 +1,208 @@
+"""Model predictive control of the tip along a path of poses, one step as a Function."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.control_model import ControlModel
+from curvcasadi.expressions import Array, Number, count, positive
+from curvcasadi.integrators import rk4_step
+from curvcasadi.lie import so3
+from curvcasadi.ocp.sqp import gauss_newton_sqp
+
+
+def tip_path_step_function(
+    model: ControlModel,
+    *,
+    dt: float,
+    horizon: int,
+    position_weight: float = 1.0,
+    attitude_weight: float = 1.0,
+    move_weight: float = 1e-2,
+    rate_bound: Number | None = None,
+    curvature_bound: Number | None = None,
+    iterations: int | None = None,
+    name: str = "tip_path_step",
+) -> ca.Function:
+    """One step of a tip-path MPC: state and path in, input out.
+
+    Minimizes over the inputs u_0 … u_{N−1} and states x_1 … x_N
+
+        ½ Σ_k position_weight |p_k − p_d,k|² + attitude_weight |log(R_d,kᵀ R_k)|²
+          + ½ Σ_k move_weight |u_k − u_{k−1}|²
+
+    over the stages k = 1 … N of poses and 0 … N − 1 of inputs, subject to the model (Runge–Kutta 4,
+    inputs held), the bounds in its layouts, |dx/dt| ≤ rate_bound at every stage and
+    |K_x|, |K_y|, |K_z| ≤ curvature_bound at the model's stations. Gauss–Newton `sqpmethod` with
+    `qrqp`, multiple shooting: it becomes self-contained C.
+
+    Parameters
+    ----------
+    model : with outputs position, rotation and curvature, such as `kinematic_model`
+    dt, horizon : stage length, s, and number N of stages
+    position_weight, attitude_weight, move_weight : 1/m², 1/rad², m²/rad²
+    rate_bound : rad/(m s), one number or one per state; curvature_bound : rad/m, one or three
+    iterations : None to converge, 1 for a real-time iteration (one quadratic program, full step)
+
+    Returns
+    -------
+    casadi.Function
+        Inputs: x (n, 1), p (m, 1), u_previous, positions (3, N), m, and rotations (3, 3 N), local
+        to parent, at the ends of the stages, and guess (the last one's plan; zeros at first).
+        Outputs: u, the input to apply now; plan, the guess for the next step, shifted by a stage;
+        states (n, N + 1); miss (1, 1): the largest violation of a bound or of the model.
+    """
+    stages = count("horizon", horizon)
+    weights = [
+        positive("position_weight", position_weight, zero=True),
+        positive("attitude_weight", attitude_weight, zero=True),
+        positive("move_weight", move_weight),
+    ]
+    nx, nu = model.x.size, model.u.size
+    step = rk4_step(model, dt)
+    residual = _stage_residual(model, *np.sqrt(weights[:2]))
+
+    x0, p, u_previous = (
+        ca.MX.sym("x", nx),
+        ca.MX.sym("p", model.p.size),
+        ca.MX.sym("u_previous", nu),
+    )
+    positions = ca.MX.sym("positions", 3, stages)
+    rotations = ca.MX.sym("rotations", 3, 3 * stages)
+    plan = ca.MX.sym("plan", (nu + nx) * stages)
+    inputs, ends = _unpack(plan, nu, nx, stages)
+    starts = [x0, *ends[:-1]]
+
+    goals = [*zip(ca.horzsplit(positions), ca.horzsplit(rotations, 3), strict=True)]
+    errors = [residual(x, p, *goal) for x, goal in zip(ends, goals, strict=True)]
+    moves = [u - last for u, last in zip(inputs, [u_previous, *inputs[:-1]], strict=True)]
+    objective = ca.sumsqr(ca.vertcat(*errors)) / 2
+    objective += weights[2] * ca.sumsqr(ca.vertcat(*moves)) / 2
+    hessian = _hessian(residual, ends, p, goals, weights[2], nu)
+
+    limits = _Limits(model, rate_bound, curvature_bound)
+    gaps = [end - step(x, u, p) for x, u, end in zip(starts, inputs, ends, strict=True)]
+    constraints = ca.vertcat(
+        *gaps, *(limits.of(*at, p) for at in zip(starts, ends, inputs, strict=True))
+    )
+    parameters = ca.veccat(x0, p, u_previous, positions, rotations)
+    solver = gauss_newton_sqp(
+        f"{name}_solver",
+        plan,
+        parameters,
+        objective,
+        hessian,
+        constraints,
+        max_iter=100 if iterations is None else count("iterations", iterations),
+        line_search=iterations is None,
+    )
+
+    stage_bounds = [
+        np.concatenate(side) for side in zip(model.u.bounds, model.x.bounds, strict=True)
+    ]
+    lbx, ubx = (np.tile(side, stages) for side in stage_bounds)
+    closed = np.zeros(nx * stages)
+    lbg = np.concatenate([closed, *[limits.lower] * stages])
+    ubg = np.concatenate([closed, *[limits.upper] * stages])
+    guess = ca.MX.sym("guess", plan.shape[0])
+    solution = solver(
+        x0=ca.fmin(ca.fmax(guess, lbx), ubx), p=parameters, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg
+    )
+    best, g = solution["x"], solution["g"]
+    applied, states = _unpack(best, nu, nx, stages)
+    shifted = ca.vertcat(best[nu + nx :], best[-(nu + nx) :])
+    miss = ca.mmax(ca.vertcat(lbg - g, g - ubg, 0))
+    return ca.Function(
+        name,
+        [x0, p, u_previous, positions, rotations, guess],
+        [applied[0], shifted, ca.horzcat(x0, *states), miss],
+        ["x", "p", "u_previous", "positions", "rotations", "guess"],
+        ["u", "plan", "states", "miss"],
+    )
+
+
+def _unpack(plan: ca.MX, nu: int, nx: int, stages: int) -> tuple[list[ca.MX], list[ca.MX]]:
+    """(inputs, stage ends) of a plan u_0, x_1, u_1, x_2, …"""
+    pieces = ca.vertsplit(plan, np.cumsum([0, *[nu, nx] * stages]).tolist())
+    return pieces[0::2], pieces[1::2]
+
+
+def _stage_residual(
+    model: ControlModel, position_scale: float, attitude_scale: float
+) -> ca.Function:
+    """Weighted pose error (6, 1) at the end of a stage: (x, p, position, rotation)."""
+    x, p = ca.MX.sym("x", model.x.size), ca.MX.sym("p", model.p.size)
+    position, rotation = ca.MX.sym("position", 3), ca.MX.sym("rotation", 3, 3)
+    y = model.y.split(model.output(x, ca.MX.zeros(model.u.size), p))
+    error = ca.vertcat(
+        position_scale * (y["position"] - position),
+        attitude_scale * so3.log_error(ca.reshape(y["rotation"], 3, 3), rotation),
+    )
+    return ca.Function("tip_error", [x, p, position, rotation], [error])
+
+
+def _hessian(
+    residual: ca.Function,
+    ends: list[ca.MX],
+    p: ca.MX,
+    goals: list[tuple[ca.MX, ca.MX]],
+    move_weight: float,
+    nu: int,
+) -> ca.MX:
+    """Gauss–Newton Hessian over u_0, x_1, u_1, x_2, …: poses stage by stage, moves between them."""
+    x = ca.MX.sym("x", ends[0].shape[0])
+    symbols = [ca.MX.sym(f"s{i}", *residual.size_in(i)) for i in (1, 2, 3)]
+    jacobian = ca.jacobian(residual(x, *symbols), x)
+    gram = ca.Function("tip_gauss_newton", [x, *symbols], [jacobian.T @ jacobian])
+    blocks: list[ca.MX] = []
+    for end, goal in zip(ends, goals, strict=True):
+        blocks += [ca.MX(nu, nu), gram(end, p, *goal)]
+    return ca.diagcat(*blocks) + move_weight * _moves_matrix(len(ends), nu, x.shape[0])
+
+
+def _moves_matrix(stages: int, nu: int, nx: int) -> ca.DM:
+    """Matrix of Σ |u_k − u_{k−1}|² over u_0, x_1, u_1, x_2, …"""
+    size = (nu + nx) * stages
+    difference = ca.DM(nu * stages, size)
+    for k in range(stages):
+        for i in range(nu):
+            difference[k * nu + i, k * (nu + nx) + i] = 1
+            if k:
+                difference[k * nu + i, (k - 1) * (nu + nx) + i] = -1
+    return difference.T @ difference
+
+
+class _Limits:
+    """Rates at a stage's start and curvatures at its end, with their bounds."""
+
+    def __init__(
+        self, model: ControlModel, rate_bound: Number | None, curvature_bound: Number | None
+    ) -> None:
+        self._model = model
+        self._rates, rates = _spread("rate_bound", rate_bound, model.x.size)
+        of_station, three = _spread("curvature_bound", curvature_bound, 3)
+        stations = next(part.size for part in model.y.parts if part.name == "curvature") // 3
+        self._curvatures = [3 * k + i for k in range(stations) for i in of_station]
+        self.upper = np.concatenate([rates, np.tile(three, stations)])
+        self.lower = -self.upper
+
+    def of(self, start: ca.MX, end: ca.MX, u: ca.MX, p: ca.MX) -> ca.MX:
+        """The bounded entries of one stage."""
+        rates = self._model.xdot(start, u, p)[self._rates]
+        y = self._model.y.split(self._model.output(end, u, p)) if self._curvatures else None
+        return ca.vertcat(rates, y["curvature"][self._curvatures] if y else ca.MX(0, 1))
+
+
+def _spread(name: str, bound: Number | None, n: int) -> tuple[list[int], Array]:
+    """Indices of the finite ones of `n` bounds, and these bounds."""
+    if bound is None:
+        return [], np.zeros(0)
+    try:
+        bounds = np.array(np.broadcast_to(np.asarray(bound, dtype=float), (n,)))
+    except (TypeError, ValueError):
+        bounds = np.full(n, np.nan)
+    if not np.all(bounds > 0):
+        raise ValueError(f"{name}: expected one or {n} numbers above zero, found {bound!r}")
+    finite = np.flatnonzero(np.isfinite(bounds))
+    return [int(i) for i in finite], bounds[finite]

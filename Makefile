@@ -16,7 +16,7 @@ test: $(VENV)/installed-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/mypy --strict -p curvcasadi.lie -m curvcasadi.basis -m curvcasadi.families -m curvcasadi.grid -m curvcasadi.layout
+	$(BIN)/mypy --strict --follow-imports=silent -p curvcasadi.lie -m curvcasadi.basis -m curvcasadi.families -m curvcasadi.grid -m curvcasadi.layout
 	$(BIN)/pytest -n 2
 
 benchmarks: $(VENV)/installed-test

@@ -4,6 +4,7 @@ from curvcasadi.basis import ChannelBasis, VectorBasis
 from curvcasadi.beam import Beam, mirror
 from curvcasadi.control_model import ControlModel, kinematic_model
 from curvcasadi.errors import ConvergenceError
+from curvcasadi.export import export_c
 from curvcasadi.families import (
     BSpline,
     CantileverModes,
@@ -55,6 +56,7 @@ __all__ = [
     "body_twist",
     "curvature",
     "elements_for",
+    "export_c",
     "function",
     "kinematic_model",
     "mirror",

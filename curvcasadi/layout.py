@@ -77,6 +77,6 @@ class Layout:
         expected = {part.name for part in self.parts}
         if set(parts) != expected:
             raise ValueError(f"parts: expected {sorted(expected)}, found {sorted(parts)}")
-        return ca.vertcat(
-            *(expression(part.name, parts[part.name], (part.size, 1)) for part in self.parts)
-        )
+        pieces = (expression(part.name, parts[part.name], (part.size, 1)) for part in self.parts)
+        joined: Expr = ca.vertcat(*pieces)
+        return joined

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 
 import casadi as ca
 import numpy as np
@@ -33,10 +33,9 @@ def elements_for(
     beam : with `weight_bounds`; kind, rule and exponential of its uniform or Lobatto grid are kept
     angle : largest angle of an element, rad: the paper's h max|K| ≤ angle; `Grid.max_angle` unless
         given
-    tip_tolerance : largest error of the tip position, m, that the rule may leave. Estimated on the
-        corners of the weight box (all 2^n, or a fixed sample of 512 improved by single flips), where
-        the strongest bending is, against twice as many elements, and kept below half of what is
-        promised.
+    tip_tolerance : largest error of the tip position, m, that the rule may leave. Estimated against
+        twice as many elements on the corners of the weight box, where the strongest bending is
+        (all 2^n, or 512 of them improved by single flips), and kept below half of the tolerance.
 
     Raises
     ------
@@ -63,14 +62,14 @@ def elements_for(
 def largest_element_angles(beam: Beam) -> Array:
     """Bound (N,), rad, on the angles of the elements over all weights within `beam.bounds`.
 
-    |θ| ≤ a (1 + a²/12)^½ with a = h max|K|: the second factor is the commutator of the Magnus rules.
+    |θ| ≤ a (1 + a²/12)^½ with a = h max|K|: the second factor is a Magnus commutator.
     Infinite where a weight is unbounded.
     """
     length = numeric_length(beam, "a bound on element angles")
     stations = beam.stations
     largest = [
         max(_curvature_bound(beam, xi) for xi in np.linspace(a, b, _POINTS))
-        for a, b in zip(stations[:-1], stations[1:], strict=True)
+        for a, b in pairwise(stations)
     ]
     turned = length * np.diff(stations) * np.array(largest)
     return np.asarray(turned * np.sqrt(1 + turned**2 / 12))

@@ -1,0 +1,153 @@
+"""C99 source, header, check program and manifest of CasADi Functions."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.expressions import Array
+
+#: Largest error of the check program, over the largest entry of an output (at least 1): rounding.
+_TOLERANCE = 1e-13
+_SAMPLES = 5
+
+
+def export_c(
+    functions: Sequence[ca.Function],
+    directory: str | Path,
+    *,
+    name: str = "curvcasadi_functions",
+    reference_inputs: Mapping[str, Sequence[Sequence[Any]]] | None = None,
+) -> dict[str, Any]:
+    """Write `functions` as C, and a program that compares them with Python.
+
+    Parameters
+    ----------
+    functions : Functions with different names, such as `tip_function(beam)`
+    directory : where to write; made if it does not exist
+    name : of the source and header files
+    reference_inputs : by function name, the inputs at which the check program compares; five
+        weight-sized random ones (|x| ≤ 0.05) unless given
+
+    Returns
+    -------
+    dict
+        The manifest, also written as manifest.json: files, CasADi version, and for every function
+        its inputs and outputs with their shapes and the sizes of its buffers.
+
+    Raises
+    ------
+    ValueError
+        If names collide, a symbol is left free, or CasADi has no C for a part of a function.
+    """
+    functions = _checked(functions)
+    folder = Path(directory)
+    folder.mkdir(parents=True, exist_ok=True)
+    generator = ca.CodeGenerator(f"{name}.c", {"with_header": True, "casadi_int": "int"})
+    for function in functions:
+        generator.add(function)
+    generator.generate(f"{folder}/")
+    _refuse_unsupported(folder / f"{name}.c", functions)
+
+    given = reference_inputs or {}
+    references = {f.name(): given.get(f.name()) or _random_inputs(f) for f in functions}
+    (folder / "check.c").write_text(_check_program(name, functions, references))
+    manifest = {
+        "files": [f"{name}.c", f"{name}.h", "check.c"],
+        "casadi": ca.CasadiMeta.version(),
+        "functions": {f.name(): _describe(f) for f in functions},
+    }
+    (folder / "manifest.json").write_text(json.dumps(manifest, indent=2) + "\n")
+    return manifest
+
+
+def _checked(functions: Sequence[ca.Function]) -> list[ca.Function]:
+    functions = list(functions)
+    if not functions or not all(isinstance(f, ca.Function) for f in functions):
+        raise ValueError(f"functions: expected one or more casadi.Function, found {functions!r}")
+    names = [f.name() for f in functions]
+    if len(set(names)) < len(names):
+        raise ValueError(f"functions: expected different names, found {names}")
+    for f in functions:
+        if f.has_free():
+            raise ValueError(f"functions: {f.name()!r} has free symbols {f.get_free()}")
+    return functions
+
+
+def _refuse_unsupported(source: Path, functions: list[ca.Function]) -> None:
+    """CasADi writes `#error` into the C for what it has no C for; do not leave that to gcc."""
+    broken = [line for line in source.read_text().splitlines() if line.startswith("#error")]
+    if broken:
+        source.unlink()
+        names = ", ".join(repr(f.name()) for f in functions)
+        raise ValueError(f"functions: CasADi has no C for a part of {names}: {broken[0]}")
+
+
+def _random_inputs(f: ca.Function) -> list[list[Array]]:
+    random = np.random.default_rng(0)
+    return [
+        [random.uniform(-0.05, 0.05, f.size_in(i)) for i in range(f.n_in())]
+        for _ in range(_SAMPLES)
+    ]
+
+
+def _describe(f: ca.Function) -> dict[str, Any]:
+    return {
+        "inputs": {f.name_in(i): list(f.size_in(i)) for i in range(f.n_in())},
+        "outputs": {f.name_out(i): list(f.size_out(i)) for i in range(f.n_out())},
+        "buffers": {"arg": f.sz_arg(), "res": f.sz_res(), "iw": f.sz_iw(), "w": f.sz_w()},
+    }
+
+
+def _check_program(
+    name: str, functions: list[ca.Function], references: Mapping[str, Sequence[Sequence[Any]]]
+) -> str:
+    data, cases = [], []
+    for f in functions:
+        samples = references[f.name()]
+        inputs = [[ca.DM(f.sparsity_in(i), 1) * x for i, x in enumerate(s)] for s in samples]
+        outputs = [f.call(sample) for sample in inputs]
+        key = f.name()
+        data += [
+            _array("int", f"{key}_in", [f.nnz_in(i) for i in range(f.n_in())]),
+            _array("int", f"{key}_out", [f.nnz_out(i) for i in range(f.n_out())]),
+            _array("double", f"{key}_inputs", _nonzeros(inputs)),
+            _array("double", f"{key}_outputs", _nonzeros(outputs)),
+        ]
+        cases.append(
+            f'  {{"{key}", {key}, {f.n_in()}, {f.n_out()}, {key}_in, {key}_out, '
+            f"{len(samples)}, {key}_inputs, {key}_outputs}},"
+        )
+    fields = {
+        "NAME": name,
+        "REAL": "double",
+        "TOLERANCE": repr(_TOLERANCE),
+        "SZ_ARG": max(f.sz_arg() for f in functions),
+        "SZ_RES": max(f.sz_res() for f in functions),
+        "SZ_IW": max(f.sz_iw() for f in functions) or 1,
+        "SZ_W": max(f.sz_w() for f in functions) or 1,
+        "SZ_IN": max(f.nnz_in() for f in functions) or 1,
+        "SZ_OUT": max(f.nnz_out() for f in functions),
+        "DATA": "\n".join(data),
+        "CASES": "\n".join(cases),
+    }
+    text = files("curvcasadi.export").joinpath("templates/check.c.in").read_text()
+    for key, value in fields.items():
+        text = text.replace(f"@{key}@", str(value))
+    return text
+
+
+def _nonzeros(samples: Iterable[Iterable[ca.DM]]) -> list[float]:
+    return [x for sample in samples for matrix in sample for x in ca.DM(matrix).nonzeros()]
+
+
+def _array(kind: str, name: str, values: Sequence[float]) -> str:
+    """A constant C array; one entry at least, as C has no empty arrays."""
+    entries = ", ".join(repr(value) for value in values) or "0"
+    return f"static const {kind} {name}[] = {{{entries}}};"

@@ -1,0 +1,220 @@
+"""Figures: what they show, with labels and units, and that files are written."""
+
+import re
+from dataclasses import replace
+
+import casadi as ca
+import matplotlib.animation
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgba
+from PIL import Image
+
+from curvcasadi import plotting
+from curvcasadi.basis import ChannelBasis, VectorBasis
+from curvcasadi.beam import Beam, mirror
+from curvcasadi.families import BSpline, Legendre, PiecewiseConstant
+from curvcasadi.grid import Grid
+from curvcasadi.pose import Pose
+from curvcasadi.reference_wings import hale_wing
+from curvcasadi.shape import shape_map
+
+WING = hale_wing()
+BENT = np.array([0.01, 0, 0, -0.05, 0.05, 0, 0, 0.005, 0])
+
+
+def lines(axes, label):
+    """Points (k, 3) of each line of this label, hidden from the legend or not."""
+    return [
+        np.array(line.get_data_3d()).T
+        for line in axes.get_lines()
+        if str(line.get_label()).lstrip("_") == label
+    ]
+
+
+def arrows(axes, label):
+    """(start, end) of each arrow, from root to tip, per half wing.
+
+    Of a quiver's segments the first third are the shafts, from end to start.
+    """
+    return [
+        np.array([segment[1::-1] for segment in artist._segments3d[: len(artist._segments3d) // 3]])
+        for artist in axes.collections
+        if str(artist.get_label()).lstrip("_") == label
+    ]
+
+
+class TestBasis:
+    def test_axes_have_names_units_and_a_legend_of_the_labels(self):
+        basis = ChannelBasis(torsion=Legendre(2), in_plane=BSpline(5))
+        figure = plotting.plot_basis(basis)
+        assert [axes.get_title() for axes in figure.axes] == ["torsion, $K_x$", "in-plane, $K_z$"]
+        assert {axes.get_ylabel() for axes in figure.axes} == {"value [-]"}
+        assert figure.axes[-1].get_xlabel() == r"$\xi = s/L$ [-]"
+        texts = [t.get_text() for axes in figure.axes for t in axes.get_legend().get_texts()]
+        assert tuple(texts) == basis.labels
+
+    def test_curves_are_the_basis_functions(self):
+        basis = ChannelBasis(out_of_plane=Legendre(3))
+        for k, line in enumerate(plotting.plot_basis(basis).axes[0].get_lines()):
+            xi, values = (data[~np.isnan(line.get_ydata())] for data in line.get_data())
+            np.testing.assert_array_equal(values, [basis(x)[1, k] for x in xi])
+            assert xi.min() < 1e-9 and xi.max() > 1 - 1e-9
+
+    def test_jumps_are_gaps_not_slopes(self):
+        line = (
+            plotting.plot_basis(ChannelBasis(torsion=PiecewiseConstant(3))).axes[0].get_lines()[1]
+        )
+        values = line.get_ydata()
+        assert set(values[~np.isnan(values)]) == {0.0, 1.0}
+        steps = np.abs(np.diff(values))
+        assert np.nanmax(steps) == 0  # each jump stands beside a NaN
+
+    def test_coupled_functions_show_in_each_curvature_that_they_drive(self):
+        basis = VectorBasis(lambda xi: np.array([[1.0, 0], [xi, 1], [0, 0]]), 2)
+        figure = plotting.plot_basis(basis)
+        labels = [[line.get_label() for line in axes.get_lines()] for axes in figure.axes]
+        assert labels == [["coupled: 0"], ["coupled: 0", "coupled: 1"]]
+
+    def test_the_figure_is_written_as_png(self, tmp_path):
+        plotting.save_figure(plotting.plot_basis(WING.basis), tmp_path / "basis.png")
+        assert Image.open(tmp_path / "basis.png").format == "PNG"
+
+    def test_an_unknown_format_is_refused_with_the_name_of_the_file(self, tmp_path):
+        path = tmp_path / "basis.xyz"
+        with pytest.raises(ValueError, match=f"{re.escape(str(path))}: .*xyz"):
+            plotting.save_figure(plotting.plot_basis(WING.basis), path)
+
+
+class TestShape:
+    def test_both_half_wings_pass_through_the_stations_of_the_shape_map(self):
+        curves = lines(plotting.plot_shape(WING, BENT).axes[0], "deformed")
+        assert len(curves) == 2
+        for curve, wing in zip(curves, (WING, mirror(WING)), strict=True):
+            for station in shape_map(wing, BENT).positions.full().T:
+                # The same arithmetic on 16 m: only rounding, some 1e-15 of the length, remains.
+                assert np.min(np.linalg.norm(curve - station, axis=1)) < 1e-13
+
+    def test_one_half_wing_is_drawn_on_demand(self):
+        axes = plotting.plot_shape(WING, BENT, both=False).axes[0]
+        assert len(lines(axes, "deformed")) == len(lines(axes, "undeformed")) == 1
+
+    def test_the_undeformed_wing_is_straight_and_can_be_left_out(self):
+        axes = plotting.plot_shape(WING, BENT).axes[0]
+        right, left = lines(axes, "undeformed")
+        np.testing.assert_allclose(right[:, [0, 2]], 0, atol=1e-13)
+        np.testing.assert_allclose((right[-1, 1], left[-1, 1]), (16, -16), atol=1e-13)
+        assert not lines(plotting.plot_shape(WING, BENT, undeformed=False).axes[0], "undeformed")
+
+    def test_the_undeformed_wing_need_not_be_within_the_weight_bounds(self):
+        bounds = (np.where(BENT == 0, -0.1, BENT - 0.001), np.where(BENT == 0, 0.1, BENT + 0.001))
+        plotting.plot_shape(replace(WING, weight_bounds=bounds), BENT)
+
+    @pytest.mark.parametrize(("column", "axis"), [*enumerate("xyz")])
+    def test_arrows_are_the_local_axes_in_red_green_and_blue(self, column, axis):
+        axes = plotting.plot_shape(WING, BENT, both=False).axes[0]
+        (found,) = arrows(axes, f"local {axis}")
+        start, end = found[-1]
+        tip = shape_map(WING, BENT).tip
+        # Float64 throughout; quiver normalizes nothing here, rounding of 16 m remains.
+        np.testing.assert_allclose(start, tip.position.full().ravel(), atol=1e-12)
+        direction = (end - start) / np.linalg.norm(end - start)
+        np.testing.assert_allclose(direction, tip.rotation.full()[:, column], atol=1e-12)
+        (artist,) = [a for a in axes.collections if a.get_label() == f"local {axis}"]
+        color = to_rgba(("tab:red", "tab:green", "tab:blue")[column])
+        np.testing.assert_allclose(artist.get_edgecolor()[0], color)
+
+    def test_axes_have_units_equal_scales_and_a_legend(self):
+        figure = plotting.plot_shape(WING, BENT)
+        axes = figure.axes[0]
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
+        texts = [text.get_text() for text in figure.legends[0].get_texts()]
+        assert texts == ["undeformed", "deformed", "local x", "local y", "local z"]
+        ranges = [abs(np.diff(getattr(axes, f"get_{k}lim")())[0]) for k in "xyz"]
+        scale = axes._box_aspect / ranges
+        np.testing.assert_allclose(scale, scale[0], rtol=1e-12)
+
+    def test_body_axes_are_turned_half_a_turn_about_x(self):
+        axes = plotting.plot_shape(WING, BENT).axes[0]
+        assert axes.get_zlabel() == "z [m], down"
+        assert not axes.xaxis_inverted()
+        # Two axes inverted are a rotation; one alone would draw a mirror image.
+        assert axes.yaxis_inverted() and axes.zaxis_inverted()
+
+    def test_axes_with_z_up_are_drawn_as_they_are(self):
+        lone = replace(WING, root=Pose.identity())
+        axes = plotting.plot_shape(lone, BENT, both=False).axes[0]
+        assert axes.get_zlabel() == "z [m]"
+        inverted = (axes.xaxis_inverted(), axes.yaxis_inverted(), axes.zaxis_inverted())
+        assert inverted == (False, False, False)
+
+    def test_the_direction_of_z_can_be_said(self):
+        axes = plotting.plot_shape(mirror(WING), BENT, both=False, z_down=True).axes[0]
+        assert axes.zaxis_inverted()
+
+    def test_the_whole_wing_is_in_view(self):
+        axes = plotting.plot_shape(WING, BENT).axes[0]
+        points = np.concatenate([*lines(axes, "deformed"), *lines(axes, "undeformed")])
+        for k, name in enumerate("xyz"):
+            low, high = sorted(getattr(axes, f"get_{name}lim")())
+            assert low < points[:, k].min() and points[:, k].max() < high
+
+    def test_close_stations_share_an_arrow(self):
+        (found,) = arrows(plotting.plot_shape(WING, BENT, both=False).axes[0], "local x")
+        assert len(found) < len(WING.stations)
+        gaps = np.linalg.norm(np.diff(found[:, 0], axis=0), axis=1)
+        # Chords are a little shorter than the arcs that they span.
+        assert np.all(gaps > 0.98 * plotting.GAP * WING.length)
+
+    def test_weights_that_break_a_bound_are_refused(self):
+        with pytest.raises(ValueError, match=r"q\[0\] \(torsion: Legendre 0\): expected within"):
+            plotting.plot_shape(WING, 10 * BENT + 1)
+
+    def test_a_symbolic_length_is_refused(self):
+        beam = Beam(length=ca.MX.sym("L"), basis=WING.basis, grid=Grid.uniform(4))
+        with pytest.raises(ValueError, match=r"Beam\.length: a figure needs a number"):
+            plotting.plot_shape(beam, BENT)
+
+
+class TestAnimation:
+    TIMES = np.linspace(0, 0.4, 5)
+    HISTORY = np.outer(np.linspace(0, 1, 5), BENT)
+
+    def test_a_gif_has_a_frame_for_each_sample_and_plays_in_real_time(self, tmp_path, capsys):
+        plotting.animate_shape(WING, self.TIMES, self.HISTORY, tmp_path / "wing.gif")
+        with Image.open(tmp_path / "wing.gif") as image:
+            assert image.format == "GIF" and image.n_frames == 5
+            assert image.info["duration"] == 100  # ms
+        assert "wing.gif: 100%" in capsys.readouterr().err
+
+    def test_the_progress_bar_can_be_left_out(self, tmp_path, capsys):
+        path = tmp_path / "wing.gif"
+        plotting.animate_shape(WING, None, self.HISTORY[:2], path, both=False, progress=False)
+        assert capsys.readouterr().err == ""
+
+    def test_dense_samples_are_thinned_to_the_largest_frame_rate(self):
+        samples, rate = plotting._frames(np.linspace(0, 2, 1001))
+        assert rate == plotting.LARGEST_FRAME_RATE
+        assert samples == list(range(0, 1001, 20))  # 2 s at 25 frames a second: every 0.04 s
+
+    def test_uneven_samples_are_held_until_the_next_is_nearer(self):
+        samples, rate = plotting._frames(np.array([0.0, 3.0, 4.0, 5.0]))
+        assert rate == pytest.approx(3 / 5)
+        assert samples == [0, 1, 1, 3]  # frames at 0, 5/3, 10/3 and 5 s
+
+    @pytest.mark.parametrize(("name", "found"), [("wing.avi", ".avi"), ("wing", "no ending")])
+    def test_another_extension_is_refused(self, tmp_path, name, found):
+        expected = f"expected a file name that ends in .gif or .mp4, found {found}"
+        with pytest.raises(ValueError, match=re.escape(expected)):
+            plotting.animate_shape(WING, self.TIMES, self.HISTORY, tmp_path / name)
+
+    def test_a_missing_ffmpeg_is_named(self, tmp_path, monkeypatch):
+        monkeypatch.setattr(
+            matplotlib.animation.FFMpegWriter, "isAvailable", classmethod(lambda cls: False)
+        )
+        with pytest.raises(ValueError, match=r"wing\.mp4: .*ffmpeg.*apt-get install ffmpeg"):
+            plotting.animate_shape(WING, self.TIMES, self.HISTORY, tmp_path / "wing.mp4")
+
+    def test_one_sample_is_no_animation(self, tmp_path):
+        with pytest.raises(ValueError, match="two samples or more, found 1"):
+            plotting.animate_shape(WING, [0.0], self.HISTORY[:1], tmp_path / "wing.gif")

@@ -14,6 +14,7 @@ from curvcasadi.families import (
     PiecewiseConstant,
     Tabulated,
 )
+from curvcasadi.files import load_beam
 from curvcasadi.functions import function
 from curvcasadi.grid import Grid
 from curvcasadi.integrators import rk4_step
@@ -59,6 +60,7 @@ __all__ = [
     "export_c",
     "function",
     "kinematic_model",
+    "load_beam",
     "mirror",
     "pose_at",
     "pose_function",

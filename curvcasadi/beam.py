@@ -38,7 +38,7 @@ class Beam:
     weight_bounds: Number | None = None  #: rad/m: b, (b_1 … b_n), or a pair (lower, upper)
 
     def __post_init__(self) -> None:
-        positive("Beam.length", self.length)
+        object.__setattr__(self, "length", positive("Beam.length", self.length))
         for name, kind in (("grid", Grid), ("root", Pose)):
             if not isinstance(getattr(self, name), kind):
                 raise ValueError(

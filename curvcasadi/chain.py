@@ -80,6 +80,17 @@ def build(beam: Beam, stations: Sequence[float], parameters: AnyExpr | None = No
     with it the shape, does not depend on which stations are asked for. `parameters` (m, 1) are
     symbols with respect to which the chain's data are differentiated.
     """
+    if parameters is None:
+        return _built(beam, tuple(stations))
+    return _build(beam, stations, parameters)
+
+
+@lru_cache(maxsize=64)
+def _built(beam: Beam, stations: tuple[float, ...]) -> Chain:
+    return _build(beam, stations, None)
+
+
+def _build(beam: Beam, stations: Sequence[float], parameters: AnyExpr | None) -> Chain:
     boundaries = beam.stations
     intervals, exits = _intervals(boundaries, stations)
     elements = max((k for k, _ in exits), default=0)

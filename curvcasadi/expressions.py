@@ -33,20 +33,24 @@ def expression(name: str, value: Number, shape: tuple[int, int]) -> AnyExpr:
         If the shape differs, or a number is NaN or infinite.
     """
     if is_numeric(value):
-        value = _numbers(name, value, shape)
+        value = ca.DM(numbers(name, value))
     if tuple(value.shape) != shape:
         raise ValueError(f"{name}: expected shape {shape}, found {tuple(value.shape)}")
     return value
 
 
-def _numbers(name: str, value: Number, shape: tuple[int, int]) -> ca.DM:
+def numbers(name: str, value: Number) -> Array:
+    """`value` as a new array of finite numbers; text and truth values are none."""
     try:
-        array = np.array(value.full() if isinstance(value, ca.DM) else value, dtype=float)
+        array = np.asarray(value.full() if isinstance(value, ca.DM) else value)
+        if array.dtype.kind not in "iufO":
+            raise TypeError
+        array = np.array(array, dtype=float)
     except (TypeError, ValueError):
-        raise ValueError(f"{name}: expected numbers of shape {shape}, found {value!r}") from None
+        raise ValueError(f"{name}: expected numbers, found {value!r}") from None
     if not np.all(np.isfinite(array)):
         raise ValueError(f"{name}: expected finite numbers, found {array.tolist()}")
-    return ca.DM(array)
+    return array
 
 
 def positive(name: str, value: Number, *, zero: bool = False) -> Number:

@@ -16,7 +16,7 @@ from scipy.interpolate import BSpline as ScipyBSpline
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import brentq
 
-from curvcasadi.expressions import Array, count
+from curvcasadi.expressions import Array, count, numbers
 
 
 class Family(Protocol):
@@ -164,7 +164,7 @@ class Tabulated:
     _spline: Callable[[float], Any] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        xi, values = np.array(self.xi, dtype=float), np.array(self.values, dtype=float)
+        xi, values = numbers("Tabulated.xi", self.xi), numbers("Tabulated.values", self.values)
         if self.degree not in (1, 3):
             raise ValueError(f"Tabulated.degree: expected 1 or 3, found {self.degree!r}")
         if xi.ndim != 1 or len(xi) <= self.degree or np.any(np.diff(xi) <= 0):
@@ -178,8 +178,6 @@ class Tabulated:
             raise ValueError(
                 f"Tabulated.values: expected shape ({len(xi)}, n), found {values.shape}"
             )
-        if not np.all(np.isfinite(values)):
-            raise ValueError("Tabulated.values: expected finite numbers, found NaN or infinity")
         for name, array in (("xi", xi), ("values", values)):
             array.setflags(write=False)
             object.__setattr__(self, name, array)

@@ -8,7 +8,7 @@ from typing import Literal, cast
 import numpy as np
 from numpy.polynomial import legendre
 
-from curvcasadi.expressions import Array, choice, count
+from curvcasadi.expressions import Array, choice, count, numbers
 from curvcasadi.lie.series import degree_for
 
 RuleName = Literal["trapezoid", "midpoint", "magnus4", "magnus6"]
@@ -41,16 +41,20 @@ class Grid:
         choice("Grid.rule", self.rule, RULES)
         choice("Grid.exponential", self.exponential, EXPONENTIALS)
         choice("Grid.real", self.real, ("double", "float"))
-        if not 0 < self.max_angle <= np.pi:
+        if not 0 < float(numbers("Grid.max_angle", self.max_angle)) <= np.pi:
             raise ValueError(
                 f"Grid.max_angle: expected an angle in (0, π] rad, found {self.max_angle}"
+            )
+        unused = "elements" if self.kind == "custom" else "boundaries"
+        if getattr(self, unused) is not None:
+            raise ValueError(
+                f"Grid.{unused}: expected None for kind {self.kind!r}, "
+                f"found {getattr(self, unused)!r}"
             )
         if self.kind != "custom":
             count("Grid.elements", cast(int, self.elements))
             return
-        if self.boundaries is None:
-            raise ValueError("Grid.boundaries: expected numbers from 0 to 1, found None")
-        boundaries = np.array(self.boundaries, dtype=float)
+        boundaries = numbers("Grid.boundaries", self.boundaries)
         if boundaries.ndim != 1 or len(boundaries) < 2 or not np.all(np.diff(boundaries) > 0):
             raise ValueError(
                 "Grid.boundaries: expected at least two numbers, each above the one before; "

@@ -16,19 +16,19 @@ def run_check(directory: str | Path, *, compiler: str = "gcc") -> dict[str, floa
 
     Raises
     ------
+    FileNotFoundError
+        If there is no compiler, or `directory` is not what `export_c` writes.
     RuntimeError
-        If there is no compiler, it fails, or a function disagrees with Python.
+        If the compiler fails, or a function disagrees with Python.
     """
     folder = Path(directory)
     if shutil.which(compiler) is None:
-        raise RuntimeError(
+        raise FileNotFoundError(
             f"compiler: expected {compiler!r} on the PATH, found none; Debian: apt-get install gcc"
         )
     sources = sorted(path.name for path in folder.glob("*.c"))
     if "check.c" not in sources:
-        raise RuntimeError(
-            f"directory: expected what export_c writes, found no check.c in {folder}"
-        )
+        raise FileNotFoundError(f"directory: expected what export_c writes, no check.c in {folder}")
     program = "./check"
     _run([compiler, *STRICT, "-O1", *sources, "-o", program, "-lm"], folder)
     lines = _run([program], folder).splitlines()

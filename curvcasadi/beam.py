@@ -47,7 +47,8 @@ class Beam:
         rotation_matrix("Beam.root.rotation", self.root.rotation)
         if self.section is not None and not isinstance(self.section, Section):
             raise ValueError(f"Beam.section: expected a Section, found {self.section!r}")
-        if not (callable(self.basis) and getattr(self.basis, "n", 0) >= 1):
+        n = getattr(self.basis, "n", 0)
+        if not (callable(self.basis) and n >= 1 and np.shape(self.basis(0.5)) == (3, n)):
             raise ValueError(
                 "Beam.basis: expected a basis such as ChannelBasis(out_of_plane=Legendre(4)), "
                 f"found {self.basis!r}"
@@ -88,6 +89,8 @@ class Beam:
         """Interior xi that no element crosses: breaks of the basis, K_0 and the section."""
         sources = (self.basis, self.initial_curvature, self.section)
         points = sorted(x for source in sources for x in getattr(source, "breaks", ()))
+        if not all(0 <= x <= 1 for x in points):
+            raise ValueError(f"breaks: expected numbers in [0, 1], found {points}")
         kept: list[float] = []
         for x in points:
             if x - (kept[-1] if kept else 0.0) > COINCIDENT and 1.0 - x > COINCIDENT:
@@ -105,6 +108,22 @@ class Beam:
         if k0 is None:
             return ca.DM.zeros(3)
         return expression("Beam.initial_curvature", k0(xi) if callable(k0) else k0, (3, 1))
+
+    @property
+    def design_symbols(self) -> dict[str, AnyExpr]:
+        """Fields that shape the beam and hold CasADi symbols, by name."""
+        stations = self.stations
+        sampled = np.concatenate([stations, (stations[1:] + stations[:-1]) / 2])
+        k0 = self.initial_curvature
+        fields = {
+            "Beam.length": self.length,
+            "Beam.root.rotation": self.root.rotation,
+            "Beam.root.position": self.root.position,
+            "Beam.initial_curvature": ca.vertcat(
+                *(self.initial_curvature_at(xi) for xi in (sampled if callable(k0) else [0.0]))
+            ),
+        }
+        return {name: value for name, value in fields.items() if not is_numeric(value)}
 
 
 def mirror(beam: Beam) -> Beam:

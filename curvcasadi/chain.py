@@ -64,7 +64,8 @@ class Chain:
 
         The state goes before the data: generated C then keeps one data vector alive, not all.
         """
-        states = [state]
+        kind = same_kind(state=state, **{str(i): value for i, value in enumerate(arguments)})
+        states = [kind(state)]
         for data in self.data[: self.elements]:
             states.append(step(*arguments, states[-1], data))
         return [
@@ -100,6 +101,7 @@ def _build(beam: Beam, stations: Sequence[float], parameters: AnyExpr | None) ->
     rule = element.RULES[beam.grid.rule]
     samples = np.array([_points(a, b, rule.points) for a, b in intervals])
     phi = np.array([[beam.basis(x) for x in row] for row in samples])
+    phi = phi.reshape(len(intervals), len(rule.points), 3, beam.basis.n)
     entries, values = _slots(np.einsum("mg,egrn->emrn", rule.weights, phi))
     pattern = Pattern(
         rule=beam.grid.rule,
@@ -208,7 +210,7 @@ def interval(pattern: Pattern) -> Interval:
     directions = ca.SX(1 + 3 * m, pattern.n)
     for moment, row, column, slot, factor in pattern.entries:
         directions[1 + 3 * moment + row, column] = factor * (h if slot is None else values[slot])
-    moments = directions[1:, :] @ q
+    moments = ca.densify(directions[1:, :] @ q)
     if pattern.has_initial_curvature:
         moments += initial
     if pattern.n_parameters:
@@ -271,15 +273,14 @@ def checked_weights(beam: Beam, q: AnyExpr, name: str = "q") -> AnyExpr:
         `Beam.weight_bounds`, or an element that turns more than `Grid.max_angle`.
     """
     q = expression(name, q, (beam.basis.n, 1))
-    design = design_fields(beam)
+    design = beam.design_symbols
     same_kind(**{name: q}, **design)
     if not is_numeric(q):
         return q
     lower, upper = beam.bounds
     values = q.full().ravel()
-    slack = BOUND_SLACK * np.maximum(np.abs(lower), np.abs(upper))
-    slack[~np.isfinite(slack)] = 0.0
-    for i in np.flatnonzero((values < lower - slack) | (values > upper + slack)):
+    lowest, highest = lower - BOUND_SLACK * np.abs(lower), upper + BOUND_SLACK * np.abs(upper)
+    for i in np.flatnonzero((values < lowest) | (values > highest)):
         raise ValueError(
             f"{name}[{i}] ({beam.basis.labels[i]}): expected within Beam.weight_bounds "
             f"[{lower[i]:g}, {upper[i]:g}] rad/m, found {values[i]:g}"
@@ -306,14 +307,3 @@ def element_angles(beam: Beam, q: AnyExpr) -> AnyExpr:
     chain = build(beam, (1.0,))
     angle = squared_angle(chain.pattern).map(len(chain.data))
     return angle(ca.repmat(q, 1, len(chain.data)), ca.horzcat(*chain.data)).T
-
-
-def design_fields(beam: Beam) -> dict[str, AnyExpr]:
-    """Fields of `beam` that shape it and hold symbols, by name."""
-    fields = {
-        "Beam.length": beam.length,
-        "Beam.root.rotation": beam.root.rotation,
-        "Beam.root.position": beam.root.position,
-        "Beam.initial_curvature": beam.initial_curvature_at(0.5),
-    }
-    return {name: value for name, value in fields.items() if not is_numeric(value)}

@@ -9,7 +9,6 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam import Beam
-from curvcasadi.chain import design_fields
 from curvcasadi.expressions import Number, expression, is_numeric, station
 from curvcasadi.layout import Layout, Part
 from curvcasadi.pose_function import tip_function
@@ -48,7 +47,7 @@ def kinematic_model(
     ----------
     time_constant : s, one number or one per weight
     """
-    symbols = design_fields(beam)
+    symbols = beam.design_symbols
     if symbols:
         raise ValueError(f"{next(iter(symbols))}: kinematic_model needs numbers, found a symbol")
     n = beam.basis.n

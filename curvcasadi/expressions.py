@@ -40,7 +40,9 @@ def expression(name: str, value: Number, shape: tuple[int, int]) -> AnyExpr:
 
 
 def numbers(name: str, value: Number) -> Array:
-    """`value` as a new array of finite numbers; text and truth values are none."""
+    """`value` as a new array of finite numbers; text, truth values and symbols are none."""
+    if isinstance(value, (list, tuple)) and any(isinstance(entry, _SYMBOLIC) for entry in value):
+        raise ValueError(f"{name}: expected numbers, found {value!r}; stack symbols by ca.vertcat")
     try:
         array = np.asarray(value.full() if isinstance(value, ca.DM) else value)
         if array.dtype.kind not in "iufO":

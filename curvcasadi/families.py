@@ -132,7 +132,7 @@ class CantileverModes(_Counted):
         rising = (np.sin(beta) - np.cos(beta) - decay) / scale  # (1 − σ) e^β/2
         sigma = (1 + decay**2 + 2 * decay * np.cos(beta)) / scale
         return np.asarray(
-            rising * np.exp(beta * (xi - 1))
+            rising / 2 * np.exp(beta * (xi - 1))
             + (1 + sigma) / 4 * np.exp(-beta * xi)
             + (np.cos(beta * xi) - sigma * np.sin(beta * xi)) / 2
         )

@@ -117,7 +117,7 @@ class Grid:
         """
         panels = np.array([0.0, *breaks, 1.0])
         if self.kind == "custom":
-            return _merge(np.concatenate([cast(Array, self.boundaries), panels]))
+            return _merge(cast(Array, self.boundaries), panels)
         points = _uniform_points if self.kind == "uniform" else lobatto_points
         pieces = [
             left + (right - left) * points(n)[:-1]
@@ -150,8 +150,7 @@ def _shares(total: int, lengths: Array) -> list[int]:
     return [int(share) for share in shares]
 
 
-def _merge(points: Array) -> Array:
-    """Sorted points without near-coincident ones."""
-    ordered = np.sort(points)
-    kept = np.concatenate([[True], np.diff(ordered) > COINCIDENT])
-    return np.asarray(ordered[kept])
+def _merge(points: Array, panels: Array) -> Array:
+    """The ends and breaks `panels`, and the `points` that are none of them, sorted."""
+    distances = np.min(np.abs(points[:, None] - panels), axis=1)
+    return np.asarray(np.sort(np.concatenate([panels, points[distances > COINCIDENT]])))

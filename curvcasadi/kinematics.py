@@ -93,7 +93,7 @@ def body_twist(
     twist = state[12:]
     if root_twist is not None:
         root_twist = expression("root_twist", root_twist, (6, 1))
-        same_kind(q=q, q_dot=q_dot, root_twist=root_twist)
+        same_kind(q=q, q_dot=q_dot, root_twist=root_twist, **beam.design_symbols)
         twist = twist + root_twist
     return _to_body(rotation, position, twist[:3], twist[3:])
 
@@ -128,7 +128,7 @@ def _to_body(rotation: AnyExpr, position: AnyExpr, angular: AnyExpr, linear: Any
 def _weights_and_rate(beam: Beam, q: AnyExpr, q_dot: AnyExpr) -> tuple[AnyExpr, AnyExpr]:
     q = chain.checked_weights(beam, q)
     q_dot = expression("q_dot", q_dot, (beam.basis.n, 1))
-    same_kind(q=q, q_dot=q_dot, **chain.design_fields(beam))
+    same_kind(q=q, q_dot=q_dot, **beam.design_symbols)
     return q, q_dot
 
 

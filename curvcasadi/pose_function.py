@@ -11,6 +11,7 @@ from functools import lru_cache
 from typing import Any, Literal
 
 import casadi as ca
+import numpy as np
 
 from curvcasadi import chain, kinematics
 from curvcasadi.beam import Beam
@@ -70,10 +71,12 @@ def pose_function(
     Columns stand in the order of `stations`; otherwise, `tip_function`. With `jacobian` a third
     output stacks the body Jacobians, (6 M, n).
     """
+    if not np.iterable(stations) or not len(stations):
+        raise ValueError(f"stations: expected one or more numbers in [0, 1], found {stations!r}")
     stations = tuple(station("stations", xi) for xi in stations)
     kind = KINDS[choice("form", form, KINDS)]
-    inputs = {"q": kind.sym("q", beam.basis.n), **(parameters or {})}
     _check_parameters(beam, form, parameters or {})
+    inputs = {"q": kind.sym("q", beam.basis.n), **(parameters or {})}
     values = _values(beam, stations, inputs["q"], jacobian)
     options: dict[str, Any] = {"cse": True}
     if beam.grid.exponential in ON_GROUP:
@@ -108,13 +111,15 @@ def _values(
 
 def _check_parameters(beam: Beam, form: Form, parameters: Mapping[str, AnyExpr]) -> None:
     kind = KINDS[form]
+    if "q" in parameters:
+        raise ValueError("parameters: expected names other than 'q', the weights; found 'q'")
     for name, symbol in parameters.items():
         if not isinstance(symbol, kind) or not symbol.is_valid_input():
             raise ValueError(
                 f"parameters[{name!r}]: form {form!r} takes {kind.__name__} symbols, "
                 f"found {type(symbol).__name__} {symbol}"
             )
-    for field, value in chain.design_fields(beam).items():
+    for field, value in beam.design_symbols.items():
         if not isinstance(value, kind):
             raise ValueError(
                 f"{field}: form {form!r} takes {kind.__name__} symbols, "

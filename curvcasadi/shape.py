@@ -9,7 +9,7 @@ import casadi as ca
 
 from curvcasadi import chain
 from curvcasadi.beam import Beam
-from curvcasadi.expressions import AnyExpr, Array, station
+from curvcasadi.expressions import AnyExpr, Array, expression, station
 from curvcasadi.pose import Pose
 
 
@@ -55,7 +55,7 @@ def shape_map(beam: Beam, q: AnyExpr) -> Shape:
     return Shape(
         stations=stations,
         poses=tuple(poses(beam, q, stations.tolist())),
-        curvatures=ca.horzcat(*(curvature(beam, q, xi) for xi in stations)),
+        curvatures=ca.horzcat(*(_curvature(beam, q, xi) for xi in stations)),
     )
 
 
@@ -69,7 +69,11 @@ def pose_at(beam: Beam, q: AnyExpr, xi: float) -> Pose:
 
 
 def curvature(beam: Beam, q: AnyExpr, xi: float) -> AnyExpr:
-    """K(xi) = K_0(xi) + Φ(xi) q (Eq. 3), (3, 1), rad/m, local axes."""
+    """K(xi) = K_0(xi) + Φ(xi) q (Eq. 3), (3, 1), rad/m, local axes; for any weights."""
+    return _curvature(beam, expression("q", q, (beam.basis.n, 1)), station("xi", xi))
+
+
+def _curvature(beam: Beam, q: AnyExpr, xi: float) -> AnyExpr:
     phi = ca.sparsify(ca.DM(beam.basis(xi)))
     return ca.densify(beam.initial_curvature_at(xi) + phi @ q)
 

@@ -73,7 +73,7 @@ def log(rotation: Expr) -> Expr:
     axis = column / ca.sqrt(ca.dot(column, column))
     projection = ca.dot(axis, sine_axis)
     sign = ca.if_else(projection < 0, -1, 1)
-    far = sign * ca.atan2(sign * projection, cosine) * axis
+    far = sign * ca.atan2(sign * projection, ca.if_else(beyond, cosine, -1)) * axis
 
     return ca.if_else(beyond, far, near)
 

@@ -10,7 +10,6 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam import Beam, numeric_length
-from curvcasadi.chain import design_fields
 from curvcasadi.expressions import (
     AnyExpr,
     Array,
@@ -227,7 +226,7 @@ def regularizer_matrix(beam: Beam, regularizer: Regularizer) -> ca.DM:
 
 def checked_problem(beam: Beam, targets: Sequence[Target]) -> list[Target]:
     """`targets` as a list, for a numeric beam."""
-    symbols = design_fields(beam)
+    symbols = beam.design_symbols
     if symbols:
         field, symbol = next(iter(symbols.items()))
         raise ValueError(f"{field}: a shape target needs numbers, found the symbol {symbol}")

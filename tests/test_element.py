@@ -174,6 +174,18 @@ def test_approximations_leave_the_rotation_group(exponential, defect):
         assert_allclose(got, defect(angle), rtol=1e-12)  # rounding beside 2.5e-3
 
 
+@pytest.mark.parametrize("max_angle", [0.3, 1.0])
+def test_grids_for_single_precision_are_as_good_as_single_precision(wing, max_angle):
+    grid = cc.Grid.uniform(16, real="float", max_angle=max_angle)
+    assert grid.degree < cc.Grid.uniform(16, max_angle=max_angle).degree
+    coarse, exact = (
+        cc.shape_map(beam, CURLED_WEIGHTS).tip for beam in (wing(16, grid=grid), wing(16))
+    )
+    # The polynomials are truncated at 1e-8; sixteen elements add up to 1e-6 L at most.
+    assert_allclose(coarse.position, exact.position, atol=1e-6 * WING_LENGTH)
+    assert_allclose(coarse.rotation, exact.rotation, atol=1e-6)
+
+
 @pytest.mark.parametrize("exponential", ["small_angle_sine", "small_angle"])
 def test_approximations_leave_the_rotation_group_along_a_wing(wing, exponential):
     R = cc.shape_map(wing(16, exponential=exponential), CURLED_WEIGHTS).tip.rotation.full()

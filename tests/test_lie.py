@@ -418,6 +418,23 @@ def test_attitude_cost_has_a_gradient_where_the_target_is_turned_by_ninety_degre
     assert_allclose(gradient.full()[:, 0], [0, -np.pi, 0], atol=1e-13)
 
 
+@pytest.mark.parametrize("turn", [0, 90, -90, 120, 179])
+@pytest.mark.parametrize("axis", AXES[:3])
+def test_attitude_cost_has_a_hessian_at_every_turn(symbolic, axis, turn):
+    k = symbolic.sym("k", 3)
+    angle = np.deg2rad(turn)
+    R = np.round(oracle.rotation(angle * np.array(axis)), 15)  # exact zeros at 90°
+    cost = ca.sumsqr(so3.log(ca.DM(R) @ so3.exp(k)))
+    hessian, gradient = (part.full() for part in ca.Function("f", [k], [*ca.hessian(cost, k)])(0))
+    # θ² grows along the axis as (θ + k)², and across it by θ cot(θ/2) k²/2.
+    along = np.outer(axis, axis)
+    across = angle / np.tan(angle / 2) if turn else 2.0
+    assert_allclose(gradient[:, 0], 2 * angle * np.array(axis), atol=1e-12)
+    # Rounding to fifteen digits; two derivatives near 180° divide by its sine twice.
+    expected = 2 * along + across * (np.eye(3) - along)
+    assert_allclose((hessian + hessian.T) / 2, expected, atol=1e-10)
+
+
 # Laws ------------------------------------------------------------------------------------------
 
 

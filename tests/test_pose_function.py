@@ -234,6 +234,13 @@ def test_jacobian_is_used_when_called_with_the_defining_symbol(form):
 
 
 @forms
+def test_jacobian_is_used_when_called_with_the_symbols_of_the_function_itself(wing, form):
+    f = cc.tip_function(wing(4), form)
+    (q,) = f.mx_in()
+    assert_structured(ca.Function("J", [q], [ca.jacobian(f(q)[0], q)]), "tip")
+
+
+@forms
 def test_approximate_exponentials_are_differentiated_by_casadi(wing, form):
     f = cc.tip_function(wing(4, exponential="small_angle_sine"), form)
     q = ca.MX.sym("q", 12)

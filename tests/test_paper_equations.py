@@ -204,7 +204,7 @@ def test_equations_16_to_18_small_angle(s):
     exact = oracle.constant_curvature(K, s)
     # Second order in the segment angle αs: half its square, and a sixth of it in the position.
     angle = s * np.linalg.norm(K)
-    assert np.linalg.norm(tip.rotation - exact[0], 2) < 0.51 * angle**2
+    assert np.linalg.norm(tip.rotation.full() - exact[0], 2) < 0.51 * angle**2
     assert np.linalg.norm(tip.position.full()[:, 0] - exact[1]) < 0.17 * s * angle**2
 
 

@@ -35,8 +35,9 @@ nonlinear beams for very flexible aircraft modeling") and their names here
 """
 
 from curvcasadi.basis import ChannelBasis, VectorBasis
-from curvcasadi.beam import Beam, mirror
+from curvcasadi.beam import Beam
 from curvcasadi.control_model import ControlModel, kinematic_model
+from curvcasadi.equilibrium import Equilibrium, equilibrium_function, solve_equilibrium
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.export import export_c
 from curvcasadi.families import (
@@ -54,6 +55,14 @@ from curvcasadi.grid import Grid
 from curvcasadi.integrators import rk4_step
 from curvcasadi.kinematics import body_jacobian, body_jacobian_rate, body_twist
 from curvcasadi.layout import Layout, Part
+from curvcasadi.loads import (
+    DistributedForce,
+    DistributedMoment,
+    Gravity,
+    PointForce,
+    PointMoment,
+)
+from curvcasadi.mirror import mirror
 from curvcasadi.ocp.reach import ShapeResult, reach_shape
 from curvcasadi.ocp.shape_target import shape_target_function
 from curvcasadi.ocp.targets import Target
@@ -61,38 +70,56 @@ from curvcasadi.ocp.tip_path import tip_path_step_function
 from curvcasadi.pose import Pose
 from curvcasadi.pose_function import pose_function, tip_function
 from curvcasadi.resolution import elements_for
-from curvcasadi.section import Section
+from curvcasadi.section import Body, Section, Steps, condense_axial
 from curvcasadi.shape import Shape, curvature, pose_at, shape_map, squared_element_angles
-from curvcasadi.statics import strain_energy
+from curvcasadi.statics import (
+    equilibrium_residual,
+    equilibrium_tangent,
+    generalized_force,
+    strain_energy,
+)
 
 __all__ = [
     "BSpline",
     "Beam",
+    "Body",
     "CantileverModes",
     "ChannelBasis",
     "Chebyshev",
     "ControlModel",
     "ConvergenceError",
+    "DistributedForce",
+    "DistributedMoment",
+    "Equilibrium",
+    "Gravity",
     "Grid",
     "Layout",
     "Legendre",
     "Monomial",
     "Part",
     "PiecewiseConstant",
+    "PointForce",
+    "PointMoment",
     "Pose",
     "Section",
     "Shape",
     "ShapeResult",
+    "Steps",
     "Tabulated",
     "Target",
     "VectorBasis",
     "body_jacobian",
     "body_jacobian_rate",
     "body_twist",
+    "condense_axial",
     "curvature",
     "elements_for",
+    "equilibrium_function",
+    "equilibrium_residual",
+    "equilibrium_tangent",
     "export_c",
     "function",
+    "generalized_force",
     "kinematic_model",
     "load_beam",
     "mirror",
@@ -102,6 +129,7 @@ __all__ = [
     "rk4_step",
     "shape_map",
     "shape_target_function",
+    "solve_equilibrium",
     "squared_element_angles",
     "strain_energy",
     "tip_function",

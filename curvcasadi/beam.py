@@ -1,13 +1,14 @@
-"""The description of a beam, and its mirror image."""
+"""The description of a beam."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
 
-from curvcasadi.basis import Basis, MirroredBasis
+from curvcasadi.basis import Basis
 from curvcasadi.expressions import (
     AnyExpr,
     Array,
@@ -19,7 +20,7 @@ from curvcasadi.expressions import (
 )
 from curvcasadi.grid import COINCIDENT, Grid
 from curvcasadi.pose import Pose
-from curvcasadi.section import Section
+from curvcasadi.section import Body, Section
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -36,6 +37,7 @@ class Beam:
     root: Pose = field(default_factory=Pose.identity)  #: local frame at xi = 0, parent axes
     initial_curvature: Number | None = None  #: K_0 (3,), rad/m, local axes, or a function of xi
     weight_bounds: Number | None = None  #: rad/m: b, (b_1 … b_n), or a pair (lower, upper)
+    bodies: tuple[Body, ...] = ()  #: rigid bodies fixed to stations
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "length", positive("Beam.length", self.length))
@@ -88,14 +90,8 @@ class Beam:
     def breaks(self) -> tuple[float, ...]:
         """Interior xi that no element crosses: breaks of the basis, K_0 and the section."""
         sources = (self.basis, self.initial_curvature, self.section)
-        points = sorted(x for source in sources for x in getattr(source, "breaks", ()))
-        if not all(0 <= x <= 1 for x in points):
-            raise ValueError(f"breaks: expected numbers in [0, 1], found {points}")
-        kept: list[float] = []
-        for x in points:
-            if x - (kept[-1] if kept else 0.0) > COINCIDENT and 1.0 - x > COINCIDENT:
-                kept.append(float(x))
-        return tuple(kept)
+        points = [x for source in sources for x in getattr(source, "breaks", ())]
+        return merged_breaks([*points, *(body.xi for body in self.bodies)])
 
     @property
     def stations(self) -> Array:
@@ -126,45 +122,16 @@ class Beam:
         return {name: value for name, value in fields.items() if not is_numeric(value)}
 
 
-def mirror(beam: Beam) -> Beam:
-    """The other half wing: a mirror-symmetric shape has the same q on both.
-
-    The mirror plane is y = 0 of the parent frame. With S = diag(1, −1, 1) in parent and
-    S_l = diag(1, 1, −1) in local axes the root becomes (S R S_l, S p), so that x still runs to the
-    tip and y to the leading edge; curvature rows of basis and K_0 change by diag(−1, −1, 1).
-    """
-    flip = ca.DM([-1, -1, 1])
-    parent, local = ca.diag(ca.DM([1, -1, 1])), ca.diag(ca.DM([1, 1, -1]))
-    basis = beam.basis
-    return replace(
-        beam,
-        root=Pose(
-            rotation=parent @ beam.root.rotation @ local, position=parent @ beam.root.position
-        ),
-        basis=basis.original if isinstance(basis, MirroredBasis) else MirroredBasis(basis),
-        initial_curvature=_mirrored_curvature(beam, flip),
-    )
-
-
-def _mirrored_curvature(beam: Beam, flip: ca.DM) -> Number | None:
-    k0 = beam.initial_curvature
-    if k0 is None:
-        return None
-    if not callable(k0):
-        return flip * expression("Beam.initial_curvature", k0, (3, 1))
-    return _MirroredCurvature(beam)
-
-
-@dataclass(frozen=True, eq=False)
-class _MirroredCurvature:
-    original: Beam
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        return tuple(getattr(self.original.initial_curvature, "breaks", ()))
-
-    def __call__(self, xi: float) -> AnyExpr:
-        return ca.DM([-1, -1, 1]) * self.original.initial_curvature_at(xi)
+def merged_breaks(points: Iterable[float]) -> tuple[float, ...]:
+    """Sorted interior stations without near-coincident ones."""
+    ordered = sorted(float(x) for x in points)
+    if not all(0 <= x <= 1 for x in ordered):
+        raise ValueError(f"breaks: expected numbers in [0, 1], found {ordered}")
+    kept: list[float] = []
+    for x in ordered:
+        if x - (kept[-1] if kept else 0.0) > COINCIDENT and 1.0 - x > COINCIDENT:
+            kept.append(x)
+    return tuple(kept)
 
 
 def numeric_length(beam: Beam, purpose: str) -> float:

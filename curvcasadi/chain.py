@@ -74,25 +74,32 @@ class Chain:
         ]
 
 
-def build(beam: Beam, stations: Sequence[float], parameters: AnyExpr | None = None) -> Chain:
+def build(
+    beam: Beam,
+    stations: Sequence[float],
+    parameters: AnyExpr | None = None,
+    boundaries: Array | None = None,
+) -> Chain:
     """Chain of `beam` to numeric `stations`.
 
     A station within an element is reached by a partial element of its own, so that the chain, and
     with it the shape, does not depend on which stations are asked for. `parameters` (m, 1) are
-    symbols with respect to which the chain's data are differentiated.
+    symbols with respect to which the chain's data are differentiated; `boundaries` those of the
+    elements, unless they are the beam's.
     """
-    if parameters is None:
+    if parameters is None and boundaries is None:
         return _built(beam, tuple(stations))
-    return _build(beam, stations, parameters)
+    return _build(beam, stations, parameters, beam.stations if boundaries is None else boundaries)
 
 
 @lru_cache(maxsize=64)
 def _built(beam: Beam, stations: tuple[float, ...]) -> Chain:
-    return _build(beam, stations, None)
+    return _build(beam, stations, None, beam.stations)
 
 
-def _build(beam: Beam, stations: Sequence[float], parameters: AnyExpr | None) -> Chain:
-    boundaries = beam.stations
+def _build(
+    beam: Beam, stations: Sequence[float], parameters: AnyExpr | None, boundaries: Array
+) -> Chain:
     intervals, exits = _intervals(boundaries, stations)
     elements = max((k for k, _ in exits), default=0)
     intervals = [(boundaries[k], boundaries[k + 1]) for k in range(elements)] + intervals

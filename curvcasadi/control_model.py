@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam import Beam
-from curvcasadi.expressions import Number, expression, is_numeric, station
+from curvcasadi.expressions import Number, expression, is_numeric, numbers, station
 from curvcasadi.layout import Layout, Part
 from curvcasadi.pose_function import tip_function
 from curvcasadi.shape import curvature
@@ -94,8 +94,8 @@ def kinematic_model(
 def _time_constants(value: Number, n: int) -> ca.DM:
     if not is_numeric(value):
         raise ValueError(f"time_constant: expected numbers, found the symbol {value}")
-    spread = np.broadcast_to(np.asarray(value, dtype=float), (n,)) if np.ndim(value) == 0 else value
-    tau = expression("time_constant", spread, (n, 1))
+    seconds = numbers("time_constant", value)
+    tau = expression("time_constant", np.full(n, seconds) if seconds.size == 1 else seconds, (n, 1))
     if not np.all(tau.full() > 0):
         raise ValueError(f"time_constant: expected numbers above zero, s, found {value}")
     return tau

@@ -105,13 +105,13 @@ class _Factors(NamedTuple):
 
 
 def _series(x: ca.SX, degree: int) -> _Factors:
-    c2, c3 = series.c(2, x, degree), series.c(3, x, degree)
-    return _Factors(1 - x * c3, c2, c2, c3)
+    c1, c2, c3, *_ = series.coefficients(x, degree)
+    return _Factors(c1, c2, c2, c3)
 
 
 def _rodrigues(x: ca.SX, degree: int) -> _Factors:
     """Eqs. 6 and 13 in closed form; below 0.1 rad, where they cancel, the series."""
-    c1, c2, c3, _, _ = _closed_coefficients(x, degree)
+    c1, c2, c3, *_ = _closed_coefficients(x, degree)
     return _Factors(c1, c2, c2, c3)
 
 
@@ -133,19 +133,20 @@ EXPONENTIALS = {
     "small_angle": _small_angle,
 }
 
-#: Exponentials onto the group, whose poses have twists, with c_1 … c_5 of their tangent.
+#: Exponentials onto the group, whose poses have twists, with c_1 … c_7 of their tangent.
 ON_GROUP = ("series", "rodrigues")
 
 
 def _closed_coefficients(x: ca.SX, degree: int) -> series.Coefficients[ca.SX]:
-    """c_1 … c_5 by trigonometric functions, by double-where: neither branch is ever singular."""
+    """c_1 … c_7 by trigonometric functions, by double-where: neither branch is ever singular."""
     small = x < 0.01
     safe = ca.if_else(small, 1, x)
     angle = ca.sqrt(safe)
     c1 = ca.sin(angle) / angle
     c2 = (1 - ca.cos(angle)) / safe
     c3 = (1 - c1) / safe
-    closed = (c1, c2, c3, (1 / 2 - c2) / safe, (1 / 6 - c3) / safe)
+    c4, c5 = (1 / 2 - c2) / safe, (1 / 6 - c3) / safe
+    closed = (c1, c2, c3, c4, c5, (1 / 24 - c4) / safe, (1 / 120 - c5) / safe)
     near = series.coefficients(ca.if_else(small, x, 0), degree)
     return series.Coefficients(
         *(ca.if_else(small, a, b) for a, b in zip(near, closed, strict=True))
@@ -211,6 +212,91 @@ def advance_with_tangent(
     shift = rotation @ so3.left_jacobian_product_derivative(theta, v, tangent)
     shift += so3.hat(end) @ left
     return rotation + left @ so3.hat(theta), end, left @ d_theta, shift @ d_theta + left @ d_v
+
+
+def strain_force(
+    h: ca.SX, moments: ca.SX, wrench: ca.SX, rule: str, exponential: str, degree: int
+) -> ca.SX:
+    """What a wrench at or outboard of an element's end does to its strain: (1 + 3 m, 1).
+
+    The transpose of `advance_with_tangent`, (dξ/d(h, M))ᵀ J_l(ξ)ᵀ w, applied without forming it.
+    For w = (m, f) and x ↦ J_lᵀ x = x − c2 θ × x + c3 θ × (θ × x):
+
+        by θ:  J_lᵀ (m − J_l v × f) + Mᵀ f,      by v:  J_lᵀ f
+
+    Parameters
+    ----------
+    h, moments : (1, 1) and (3, m)
+    wrench : (6, 1), moment first, local axes and origin of the element's start
+
+    Returns
+    -------
+    (1 + 3 m, 1)
+        Virtual work on (h, M_1 … M_m).
+    """
+    theta, v, d_theta, d_v = _strain_with_derivatives(rule)(h, moments)
+    coefficients = _tangent_coefficients(ca.sumsqr(theta), exponential, degree)
+    by_theta, by_v = _work_on_strain(theta, v, coefficients, wrench)
+    return d_theta.T @ by_theta + d_v.T @ by_v
+
+
+def strain_force_with_derivatives(
+    h: ca.SX, moments: ca.SX, wrench: ca.SX, rule: str, exponential: str, degree: int
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """`strain_force` τ, ∂τ/∂w (1 + 3 m, 6) and ∂τ/∂(h, M) (1 + 3 m, 1 + 3 m).
+
+    The coefficient functions are differentiated in closed form, the rest by AD of this element.
+    """
+    theta, v, d_theta, d_v = _strain_with_derivatives(rule)(h, moments)
+    coefficients = _tangent_coefficients(ca.sumsqr(theta), exponential, degree)
+    work, by_theta, by_v, by_coefficients, by_wrench = _work_derivatives()(
+        theta, v, ca.vertcat(*coefficients), wrench
+    )
+    by_theta += 2 * (by_coefficients[:, :5] @ ca.vertcat(*series.slopes(coefficients))) @ theta.T
+    d_strain = ca.vertcat(d_theta, d_v)
+    by_interval = d_strain.T @ (by_theta @ d_theta + by_v @ d_v)
+    by_interval += _strain_curvature(rule)(h, moments, work)
+    return d_strain.T @ work, d_strain.T @ by_wrench, by_interval
+
+
+def _work_on_strain(
+    theta: ca.SX, v: ca.SX, coefficients: series.Coefficients[ca.SX], wrench: ca.SX
+) -> Strain:
+    """Virtual work of a local wrench on θ and on v: see `strain_force`."""
+    c1, c2, c3, c4, c5, *_ = coefficients
+    moment, force = wrench[:3], wrench[3:]
+
+    def transposed(x: ca.SX) -> ca.SX:
+        return c1 * x - ca.cross(c2 * theta, x) + c3 * ca.dot(theta, x) * theta
+
+    along = ca.dot(theta, v)
+    end = c1 * v + ca.cross(c2 * theta, v) + c3 * along * theta
+    w = ca.cross(theta, v)
+    direction = (2 * c4 - c3) * w + (3 * c5 - c4) * ca.cross(theta, w) - c3 * v
+    by_theta = transposed(moment - ca.cross(end, force))
+    by_theta += c3 * along * force + ca.cross(c2 * v + c3 * w, force)
+    by_theta += ca.dot(direction, force) * theta
+    return by_theta, transposed(force)
+
+
+@cache
+def _work_derivatives() -> ca.Function:
+    """(θ, v, c, w) -> work on (θ, v), and its partial derivatives with respect to each."""
+    theta, v, wrench = (ca.SX.sym(*s) for s in (("theta", 3), ("v", 3), ("wrench", 6)))
+    c = ca.SX.sym("c", 7)
+    work = ca.veccat(*_work_on_strain(theta, v, series.Coefficients(*ca.vertsplit(c)), wrench))
+    arguments = [theta, v, c, wrench]
+    return ca.Function("work", arguments, [work, *(ca.jacobian(work, x) for x in arguments)])
+
+
+@cache
+def _strain_curvature(name: str) -> ca.Function:
+    """(h, moments, work) -> Σ_k work_k ∂²ξ_k/∂(h, M)²."""
+    h, moments = ca.SX.sym("h"), ca.SX.sym("moments", 3, len(RULES[name].weights))
+    work, inputs = ca.SX.sym("work", 6), ca.veccat(h, moments)
+    _, _, d_theta, d_v = _strain_with_derivatives(name)(h, moments)
+    along = ca.vertcat(d_theta, d_v).T @ work
+    return ca.Function("strain_curvature", [h, moments, work], [ca.jacobian(along, inputs)])
 
 
 @cache

@@ -23,7 +23,7 @@ from curvcasadi.expressions import Array, rotation_matrix
 from curvcasadi.grid import Grid
 from curvcasadi.lie import so3
 from curvcasadi.pose import Pose
-from curvcasadi.section import CHANNEL_RIGIDITIES, Section
+from curvcasadi.section import RIGIDITIES, Section
 from curvcasadi.shape_history import ShapeHistory
 
 #: Families by their name in a wing file; their keys there are the fields of the class.
@@ -129,9 +129,7 @@ def _grid(table: toml.Table) -> Grid:
 
 
 def _section(table: toml.Table) -> Section:
-    values = table.read(
-        dict.fromkeys(CHANNEL_RIGIDITIES, toml.NUMBER), {"mass_per_length": toml.NUMBER}
-    )
+    values = table.read(dict.fromkeys(RIGIDITIES, toml.NUMBER), {"mass_per_length": toml.NUMBER})
     with table.owning_errors():
         return Section(**values)
 

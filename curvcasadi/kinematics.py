@@ -98,11 +98,16 @@ def body_twist(
     return _to_body(rotation, position, twist[:3], twist[3:])
 
 
-def jacobian_states(beam_chain: chain.Chain, q: AnyExpr) -> list[AnyExpr]:
-    """States (vec R, p, vec A, vec B) at the stations of a chain, relative to the root."""
+def jacobian_states(
+    beam_chain: chain.Chain, q: AnyExpr, root: AnyExpr = chain.IDENTITY
+) -> list[AnyExpr]:
+    """States (vec R, p, vec A, vec B) at the stations of a chain, in the frame of the pose `root`.
+
+    Without `root` they are relative to the root; with it in parent axes, about the parent origin.
+    """
     pattern = beam_chain.pattern
     columns = pattern.n + pattern.n_parameters
-    start = ca.vertcat(chain.IDENTITY, ca.DM.zeros(6 * columns))
+    start = ca.vertcat(root, ca.DM.zeros(6 * columns))
     return beam_chain.march(_jacobian_step(pattern), start, q)
 
 
@@ -132,7 +137,8 @@ def _weights_and_rate(beam: Beam, q: AnyExpr, q_dot: AnyExpr) -> tuple[AnyExpr, 
     return q, q_dot
 
 
-def _tangent(pattern: Pattern, state: ca.SX, interval: Interval) -> tuple[ca.SX, ...]:
+def interval_tangent(pattern: Pattern, state: ca.SX, interval: Interval) -> tuple[ca.SX, ...]:
+    """Pose at the end of an interval, and d[A; B]/d(h, M): see `element.advance_with_tangent`."""
     rotation, position = chain.unpack_pose(state)
     return element.advance_with_tangent(
         rotation,
@@ -151,7 +157,7 @@ def _jacobian_step(pattern: Pattern) -> ca.Function:
     symbols = chain.interval(pattern)
     state = ca.SX.sym("state", 12 + 6 * (pattern.n + pattern.n_parameters))
     a, b = unpack_sums(state)
-    rotation, position, angular, linear = _tangent(pattern, state, symbols)
+    rotation, position, angular, linear = interval_tangent(pattern, state, symbols)
     a, b = a + angular @ symbols.directions, b + linear @ symbols.directions
     return chain.step_function(
         "element_jacobian",
@@ -167,7 +173,7 @@ def _twist_step(pattern: Pattern) -> ca.Function:
     """(q, q_dot, state, data) -> state, state = (vec R, p, Ω, v), the twist spatial."""
     symbols = chain.interval(pattern)
     q_dot, state = ca.SX.sym("q_dot", pattern.n), ca.SX.sym("state", 18)
-    rotation, position, angular, linear = _tangent(pattern, state, symbols)
+    rotation, position, angular, linear = interval_tangent(pattern, state, symbols)
     rate = symbols.directions @ q_dot
     twist = state[12:] + ca.vertcat(angular @ rate, linear @ rate)
     return chain.step_function(
@@ -189,7 +195,7 @@ def _rate_step(pattern: Pattern) -> ca.Function:
     n = pattern.n
     symbols = chain.interval(pattern)
     q_dot, state = ca.SX.sym("q_dot", n), ca.SX.sym("state", 18 + 12 * n)
-    rotation, position, angular, linear = _tangent(pattern, state, symbols)
+    rotation, position, angular, linear = interval_tangent(pattern, state, symbols)
     contribution = ca.vertcat(angular, linear)
 
     local = (ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3), ca.SX.sym("M", *symbols.moments.shape))

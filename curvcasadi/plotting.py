@@ -20,8 +20,9 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from tqdm import tqdm
 
 from curvcasadi.basis import CHANNELS, Basis
-from curvcasadi.beam import Beam, mirror, numeric_length
+from curvcasadi.beam import Beam, numeric_length
 from curvcasadi.expressions import AnyExpr, Array
+from curvcasadi.mirror import mirror
 from curvcasadi.shape_history import ShapeHistory, shape_history
 
 AXIS_COLORS = ("tab:red", "tab:green", "tab:blue")

@@ -34,7 +34,7 @@ def elements_for(
     angle : largest angle of an element, rad: the paper's h max|K| ≤ angle; `Grid.max_angle` unless
         given
     tip_tolerance : largest error of the tip position, m, that the rule may leave. Estimated against
-        twice as many elements on the corners of the weight box, where the strongest bending is
+        four times as many elements on the corners of the weight box, where the strongest bending is
         (all 2^n, or 512 of them improved by single flips), and kept below half of the tolerance.
 
     Raises
@@ -93,7 +93,7 @@ def _elements_for_angle(beam: Beam, allowed: float) -> int:
         raise ValueError(
             f"Beam.weight_bounds: elements_for needs finite bounds, found {beam.weight_bounds}"
         )
-    elements = 1
+    elements = len(beam.breaks) + 1
     while elements <= _MOST_ELEMENTS:
         excess = np.max(largest_element_angles(_with_elements(beam, elements))) / allowed
         if excess <= 1:
@@ -125,9 +125,12 @@ def _corners(beam: Beam) -> Array:
 
 
 def _largest_tip_error(beam: Beam, elements: int, corners: Array) -> float:
-    """Largest distance, m, between the tips of one and of two times `elements`, extrapolated."""
+    """Largest distance, m, between the tips of `elements` and of four times as many, extrapolated.
+
+    Four times: between breaks the elements are whole numbers, that twice as many may not change.
+    """
     coarse = tip_function(_with_elements(beam, elements))
-    fine = tip_function(_with_elements(beam, 2 * elements))
+    fine = tip_function(_with_elements(beam, 4 * elements))
 
     def errors(weights: Array) -> Array:
         tips = [f.map(weights.shape[1])(ca.DM(weights))[0].full() for f in (coarse, fine)]
@@ -144,7 +147,7 @@ def _largest_tip_error(beam: Beam, elements: int, corners: Array) -> float:
         if found.max() <= largest:
             break
         worst, largest = flipped[:, np.argmax(found)], float(found.max())
-    return largest / (1 - 0.5 ** RULES[beam.grid.rule].order)
+    return largest / (1 - 0.25 ** RULES[beam.grid.rule].order)
 
 
 def _with_elements(beam: Beam, elements: int) -> Beam:

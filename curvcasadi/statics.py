@@ -1,14 +1,29 @@
-"""Strain energy of a beam."""
+"""Generalized forces of a beam, its static residual, and their derivatives.
+
+Virtual work on the weights, with the spatial Jacobian [A; B] of `kinematics` in parent axes:
+
+    Q = Σ_k [A; B]_kᵀ W_k = Σ_e (dξ_e/dq)ᵀ J_l(ξ_e)ᵀ Ad(T_e)ᵀ Σ_{k outboard of e} W_k
+
+One pass outward gives poses and wrenches W_k about the parent origin, one inward sums them: linear
+in the number of elements. In equilibrium r(q) = S q − Q(q) = 0, S the stiffness of the weights.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam import Beam
+from curvcasadi import chain, element, kinematics
+from curvcasadi.beam import Beam, merged_breaks
+from curvcasadi.chain import Pattern
 from curvcasadi.expressions import AnyExpr, expression, same_kind
+from curvcasadi.lie import so3
+from curvcasadi.loads import SIZE, Mesh, load_breaks, station_loads
 from curvcasadi.section import Section
 
 #: Gauss points per panel beyond the number of basis functions, for bases that are not polynomial.
@@ -43,11 +58,180 @@ def stiffness_matrix(beam: Beam) -> AnyExpr:
         raise ValueError("Beam.section: expected a Section with stiffness, found None")
     basis, section = beam.basis, beam.section
     nodes, weights = np.polynomial.legendre.leggauss(basis.n + _EXTRA_POINTS)
-    edges = np.array([0.0, *beam.breaks, 1.0])
     total = 0
-    for left, right in pairwise(edges):
+    for left, right in pairwise([0.0, *beam.breaks, 1.0]):
         for node, weight in zip(nodes, weights, strict=True):
             xi = left + (right - left) * (1 + node) / 2
             phi = ca.sparsify(ca.DM(basis(xi)))
             total += weight * (right - left) / 2 * (phi.T @ section.stiffness(xi) @ phi)
     return beam.length * total
+
+
+def generalized_force(
+    beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None = None
+) -> AnyExpr:
+    """Virtual work of `loads` on the weights, Q (n, 1), N m².
+
+    Parameters
+    ----------
+    q : (n, 1) SX, MX, DM or numbers, rad/m
+    loads : of `curvcasadi.loads`; magnitudes may be symbols
+    attitude : (3, 3), parent to inertial axes, for dead loads and gravity; None if these agree
+    """
+    q = expression("q", q, (beam.basis.n, 1))
+    forces, _ = _passes(beam, q, loads, attitude, tangent=False)
+    return forces
+
+
+def equilibrium_residual(
+    beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None = None
+) -> AnyExpr:
+    """r = S q − Q(q), (n, 1), N m²: zero in equilibrium. Arguments of `generalized_force`."""
+    return stiffness_matrix(beam) @ q - generalized_force(beam, q, loads, attitude)
+
+
+def equilibrium_tangent(
+    beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None = None
+) -> tuple[AnyExpr, AnyExpr]:
+    """Residual r (n, 1) and its derivative dr/dq (n, n), structured, by the same two passes.
+
+    Unsymmetric where the loads have no potential: follower loads, and dead moments.
+    """
+    q = expression("q", q, (beam.basis.n, 1))
+    stiffness = stiffness_matrix(beam)
+    forces, slope = _passes(beam, q, loads, attitude, tangent=True)
+    return stiffness @ q - forces, stiffness - slope
+
+
+def loaded_mesh(beam: Beam, loads: Sequence[Any]) -> Mesh:
+    """Stations of `beam` and panels that also break where `loads` begin, end or jump."""
+    breaks = merged_breaks([*beam.breaks, *load_breaks(loads)])
+    return Mesh(beam.grid.stations(breaks), beam.grid.panels(breaks))
+
+
+def _passes(
+    beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None, tangent: bool
+) -> tuple[AnyExpr, AnyExpr]:
+    """Q (n, 1), and with `tangent` dQ/dq (n, n)."""
+    mesh = loaded_mesh(beam, loads)
+    data = station_loads(beam, loads, mesh, attitude)
+    beam_chain = chain.build(beam, mesh.stations.tolist(), boundaries=mesh.stations)
+    pattern, n = beam_chain.pattern, beam.basis.n
+    root = ca.veccat(beam.root.rotation, beam.root.position)
+    if tangent:
+        states = kinematics.jacobian_states(beam_chain, q, root)
+        wrench_at, inward = _station_wrench_tangent(n), _inward_tangent(pattern)
+        sums = [ca.DM.zeros(6), ca.DM.zeros(6, n), ca.DM.zeros(n), ca.DM.zeros(n, n)]
+    else:
+        states = beam_chain.march(chain.pose_step(pattern), root, q)
+        wrench_at, inward = _station_wrench(), _inward(pattern)
+        sums = [ca.DM.zeros(6), ca.DM.zeros(n)]
+    held = len(sums) // 2  # what the outboard wrench holds; the rest is summed
+    for k in reversed(range(1, len(states))):
+        wrench = _outputs(wrench_at(states[k], data[k]))
+        outboard = [total + part for total, part in zip(sums[:held], wrench, strict=True)]
+        forces = inward(q, states[k - 1], beam_chain.data[k - 1], *outboard, *sums[held:])
+        sums = [*outboard, *_outputs(forces)]
+    return (sums[2], sums[3]) if tangent else (sums[1], None)
+
+
+def _outputs(results: Any) -> tuple[AnyExpr, ...]:
+    """Outputs of a call as a tuple, also a single one."""
+    return results if isinstance(results, tuple) else (results,)
+
+
+def wrench_of(rotation: AnyExpr, position: AnyExpr, loads: AnyExpr) -> AnyExpr:
+    """Wrench (moment, force), (6, 1), about the parent origin, of the load data of one station."""
+    fixed, fixed_moment, lever, local, local_moment = ca.vertsplit(loads, [0, 3, 6, 15, 18, SIZE])
+    force = fixed + rotation @ local
+    levers = -2 * so3.vee(rotation @ ca.reshape(lever, 3, 3))
+    moment = ca.cross(position, force) + levers + fixed_moment + rotation @ local_moment
+    return ca.vertcat(moment, force)
+
+
+@lru_cache(maxsize=8)
+def _station_wrench() -> ca.Function:
+    """(state, loads) -> wrench."""
+    state, loads = ca.SX.sym("state", 12), ca.SX.sym("loads", SIZE)
+    wrench = wrench_of(*chain.unpack_pose(state), loads)
+    return ca.Function("station_wrench", [state, loads], [wrench], {"cse": True})
+
+
+@lru_cache(maxsize=64)
+def _station_wrench_tangent(columns: int) -> ca.Function:
+    """(state with sums, loads) -> wrench, its derivatives (6, columns)."""
+    state, loads = ca.SX.sym("state", 12 + 6 * columns), ca.SX.sym("loads", SIZE)
+    rotation, position = chain.unpack_pose(state)
+    a, b = kinematics.unpack_sums(state)
+    wrench = wrench_of(rotation, position, loads)
+    by_pose = ca.jacobian(wrench, state[:12])
+    turned = ca.vertcat(*(-so3.hat(rotation[:, k]) @ a for k in range(3)))
+    moved = b - so3.hat(position) @ a
+    slope = by_pose @ ca.vertcat(turned, moved)
+    return ca.Function("station_wrench_tangent", [state, loads], [wrench, slope], {"cse": True})
+
+
+@lru_cache(maxsize=64)
+def _inward(pattern: Pattern) -> ca.Function:
+    """(q, state at the start, data, outboard wrench, Q) -> Q of this element and all outboard."""
+    symbols = chain.interval(pattern)
+    state, wrench, total = (ca.SX.sym(*s) for s in (("state", 12), ("wrench", 6), ("Q", pattern.n)))
+    by_moments = element.strain_force(
+        symbols.h,
+        symbols.moments,
+        _to_local(state, wrench),
+        pattern.rule,
+        pattern.exponential,
+        pattern.degree,
+    )
+    return ca.Function(
+        "element_force",
+        [symbols.q, state, symbols.data, wrench, total],
+        [total + symbols.directions[:, : pattern.n].T @ by_moments],
+        {"cse": True},
+    )
+
+
+@lru_cache(maxsize=64)
+def _inward_tangent(pattern: Pattern) -> ca.Function:
+    """(q, state with sums, data, wrench, d wrench, Q, dQ) -> Q, dQ.
+
+    With V = [A; B] at the element's start T, the outboard wrench W, and τ(h, M; w) the element's
+    `strain_force` of the local wrench w = Ad(T)ᵀ W, linear in w:
+
+        dτ = (∂τ/∂w) Ad(T)ᵀ (dW + C(W) V) + (∂τ/∂(h, M)) d(h, M),      C(W) V = ad(V)ᵀ W
+
+    the partial derivatives by AD of one element.
+    """
+    n = pattern.n
+    symbols = chain.interval(pattern)
+    state = ca.SX.sym("state", 12 + 6 * n)
+    wrench, d_wrench = ca.SX.sym("wrench", 6), ca.SX.sym("d_wrench", 6, n)
+    total, slope = ca.SX.sym("Q", n), ca.SX.sym("dQ", n, n)
+    directions = symbols.directions[:, :n]
+    angular, linear = kinematics.unpack_sums(state)
+    moment, force = so3.hat(wrench[:3]), so3.hat(wrench[3:])
+    carried = ca.vertcat(moment @ angular + force @ linear, force @ angular)
+    by_moments, by_wrench, by_interval = element.strain_force_with_derivatives(
+        symbols.h,
+        symbols.moments,
+        _to_local(state, wrench),
+        pattern.rule,
+        pattern.exponential,
+        pattern.degree,
+    )
+    d_by_moments = by_wrench @ _to_local(state, d_wrench + carried) + by_interval @ directions
+    return ca.Function(
+        "element_force_tangent",
+        [symbols.q, state, symbols.data, wrench, d_wrench, total, slope],
+        [total + directions.T @ by_moments, slope + directions.T @ d_by_moments],
+        {"cse": True},
+    )
+
+
+def _to_local(state: ca.SX, wrench: ca.SX) -> ca.SX:
+    """Ad(T)ᵀ W: wrenches (6, columns) about the parent origin, to the axes and origin of T."""
+    rotation, position = chain.unpack_pose(state)
+    moment, force = wrench[:3, :], wrench[3:, :]
+    at_station = moment - so3.hat(position) @ force
+    return ca.vertcat(rotation.T @ at_station, rotation.T @ force)

@@ -19,12 +19,12 @@ LAYERS = """
     expressions errors
     functions layout
     lie
-    families basis grid section pose beam
+    families basis grid section pose beam mirror
     element
     chain
     shape shape_history kinematics
     pose_function
-    resolution loads aero statics dynamics sensors aircraft
+    loads resolution aero statics equilibrium dynamics sensors aircraft
     reference_wings
     control_model integrators
     ocp estimation

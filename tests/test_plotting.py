@@ -12,9 +12,10 @@ from PIL import Image
 
 from curvcasadi import plotting
 from curvcasadi.basis import ChannelBasis, VectorBasis
-from curvcasadi.beam import Beam, mirror
+from curvcasadi.beam import Beam
 from curvcasadi.families import BSpline, Legendre, PiecewiseConstant
 from curvcasadi.grid import Grid
+from curvcasadi.mirror import mirror
 from curvcasadi.pose import Pose
 from curvcasadi.reference_wings import hale_wing
 from curvcasadi.shape import shape_map

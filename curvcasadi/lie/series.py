@@ -34,23 +34,33 @@ def c(k: int, x: Expr, degree: int = DEGREE) -> Expr:
 
 
 class Coefficients(NamedTuple, Generic[Expr]):
-    """c_1 … c_5 at one squared angle."""
+    """c_1 … c_7 at one squared angle."""
 
     c1: Expr
     c2: Expr
     c3: Expr
     c4: Expr
     c5: Expr
+    c6: Expr
+    c7: Expr
 
 
 def coefficients(x: Expr, degree: int = DEGREE) -> Coefficients[Expr]:
-    """c_1 … c_5 at the squared angle `x` from two series: c_k = 1/k! − x c_{k+2}.
+    """c_1 … c_7 at the squared angle `x` from two series: c_k = 1/k! − x c_{k+2}.
 
-    The degree is that of c_2 and c_3.
+    The degree is that of c_2 and c_3. Horner's scheme passes c_7, c_5, c_3 on the way to c_1, and
+    c_6, c_4 on that to c_2, so that all cost no more than the first two.
     """
-    c4, c5 = c(4, x, degree - 1), c(5, x, degree - 1)
-    c3 = 1 / 6 - x * c5
-    return Coefficients(1 - x * c3, 1 / 2 - x * c4, c3, c4, c5)
+    c6, c7 = c(6, x, max(degree - 2, 0)), c(7, x, max(degree - 2, 0))
+    c4, c5 = 1 / 24 - x * c6, 1 / 120 - x * c7
+    c2, c3 = 1 / 2 - x * c4, 1 / 6 - x * c5
+    return Coefficients(1 - x * c3, c2, c3, c4, c5, c6, c7)
+
+
+def slopes(coefficients: Coefficients[Expr]) -> list[Expr]:
+    """dc_k/dx = (k c_{k+2} − c_{k+1})/2 for k = 1 … 5."""
+    ck = coefficients
+    return [(k * ck[k + 1] - ck[k]) / 2 for k in range(1, 6)]
 
 
 #: (largest value of the first omitted term, largest relative error of the third derivative)

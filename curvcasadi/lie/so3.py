@@ -127,13 +127,13 @@ def right_jacobian_inverse(k: Expr, degree: int = series.DEGREE) -> Expr:
 def left_jacobian_product_derivative(
     k: Expr, v: Expr, coefficients: series.Coefficients[Expr]
 ) -> Expr:
-    """d(J_l(k) v)/dk, (3, 3), with c_1 … c_5 at |k|².
+    """d(J_l(k) v)/dk, (3, 3), with the coefficients at |k|².
 
     With w = k × v and c_k' = (k c_{k+2} − c_{k+1})/2 the derivative of c_k with respect to θ²:
 
         M = c3 (k·v) I − [(c2 v + c3 w)×] + (2 c2' w + 2 c3' k × w − c3 v) kᵀ
     """
-    _, c2, c3, c4, c5 = coefficients
+    _, c2, c3, c4, c5, *_ = coefficients
     w = ca.cross(k, v)
     direction = (2 * c4 - c3) * w + (3 * c5 - c4) * ca.cross(k, w) - c3 * v
     return c3 * ca.dot(k, v) * ca.DM.eye(3) - hat(c2 * v + c3 * w) + direction @ k.T

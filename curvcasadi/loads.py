@@ -5,12 +5,13 @@ At a station with pose (R, p), parent axes, every load below is one wrench about
     force  F = F_d + R F_f,      moment = p × F + axial(R N) + M_d + R M_f
 
 of 21 numbers: forces and moments fixed in the parent frame (F_d, M_d) and in local axes (F_f, M_f),
-and N = Σ r F_dᵀ of the offsets r at which fixed forces act, axial(R N) = Σ (R r) × F_d.
+and N = Σ r F_dᵀ of the offsets r at which fixed forces act, axial(R N) = Σ (R r) × F_d. A load that
+depends on the pose otherwise brings a formula of its own, its class attribute `wrench`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import singledispatch
 from typing import Any, Literal, NamedTuple, TypeAlias
@@ -18,9 +19,10 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam import Beam
+from curvcasadi.beam import Beam, merged_breaks
 from curvcasadi.expressions import AnyExpr, Array, Number, choice, expression, station
 from curvcasadi.grid import Panel
+from curvcasadi.lie import so3
 from curvcasadi.section import Section
 
 Frame = Literal["dead", "follower", "body"]
@@ -104,6 +106,10 @@ def _vector(load: Any, name: str) -> None:
         object.__setattr__(load, name, checked)
 
 
+#: Formula (R, p, data) -> wrench (moment, force), (6, 1), about the parent origin, parent axes.
+WrenchFormula: TypeAlias = Callable[[AnyExpr, AnyExpr, AnyExpr], AnyExpr]
+#: What acts at one station: formulas, each with its data.
+StationLoads: TypeAlias = list[tuple[WrenchFormula, AnyExpr]]
 #: (index of a station, load data that it gains) of one load.
 Contributions: TypeAlias = Iterator[tuple[int, AnyExpr]]
 
@@ -135,39 +141,63 @@ def load_breaks(loads: Sequence[Any]) -> tuple[float, ...]:
     return tuple(points)
 
 
+def loaded_mesh(beam: Beam, loads: Sequence[Any]) -> Mesh:
+    """Stations of `beam` and panels that also break where `loads` begin, end or jump."""
+    breaks = merged_breaks([*beam.breaks, *load_breaks(loads)])
+    return Mesh(beam.grid.stations(breaks), beam.grid.panels(breaks))
+
+
 def station_loads(
     beam: Beam, loads: Sequence[Any], mesh: Mesh, attitude: AnyExpr | None
-) -> list[AnyExpr]:
-    """Load data (21, 1) for every station of `mesh`.
+) -> list[StationLoads]:
+    """Formulas and load data for every station of `mesh`; those of `linear_wrench` as one sum.
 
     Parameters
     ----------
     attitude : (3, 3), parent to inertial axes; None if they are the same
     """
     to_parent = ca.DM.eye(3) if attitude is None else attitude.T
-    totals: list[AnyExpr] = [ca.DM.zeros(SIZE) for _ in mesh.stations]
+    totals: list[AnyExpr] = [None for _ in mesh.stations]
+    others: list[StationLoads] = [[] for _ in mesh.stations]
     for load in loads:
-        for node, data in _contributions(load, beam, mesh, to_parent):
-            totals[node] = totals[node] + data
-    return totals
+        formula = getattr(load, "wrench", linear_wrench)
+        for node, data in contributions(load, beam, mesh, to_parent):
+            if formula is linear_wrench:
+                totals[node] = data if totals[node] is None else totals[node] + data
+            else:
+                others[node].append((formula, data))
+    return [
+        other if total is None else [(linear_wrench, total), *other]
+        for total, other in zip(totals, others, strict=True)
+    ]
+
+
+def linear_wrench(rotation: AnyExpr, position: AnyExpr, data: AnyExpr) -> AnyExpr:
+    """Wrench (moment, force), (6, 1), about the parent origin, of 21 numbers of load data."""
+    fixed, fixed_moment, lever, local, local_moment = ca.vertsplit(data, [0, 3, 6, 15, 18, SIZE])
+    force = fixed + rotation @ local
+    levers = -2 * so3.vee(rotation @ ca.reshape(lever, 3, 3))
+    moment = ca.cross(position, force) + levers + fixed_moment + rotation @ local_moment
+    return ca.vertcat(moment, force)
 
 
 @singledispatch
-def _contributions(load: Any, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
+def contributions(load: Any, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
+    """Load data of one load, station by station; another kind of load registers its own."""
     raise ValueError(f"loads: expected loads such as PointForce or Gravity, found {load!r}")
 
 
-@_contributions.register
+@contributions.register
 def _(load: PointForce, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
     yield _node(mesh, load.xi), _force(load.force, load.frame, load.offset, to_parent)
 
 
-@_contributions.register
+@contributions.register
 def _(load: PointMoment, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
     yield _node(mesh, load.xi), _moment(load.moment, load.frame, to_parent)
 
 
-@_contributions.register
+@contributions.register
 def _(load: DistributedForce, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
     for site in sites(beam, mesh):
         force = _value("DistributedForce.force", load.force, site.xi)
@@ -175,14 +205,14 @@ def _(load: DistributedForce, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Con
         yield site.node, site.measure * _force(force, load.frame, offset, to_parent)
 
 
-@_contributions.register
+@contributions.register
 def _(load: DistributedMoment, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
     for site in sites(beam, mesh):
         moment = _value("DistributedMoment.moment", load.moment, site.xi)
         yield site.node, site.measure * _moment(moment, load.frame, to_parent)
 
 
-@_contributions.register
+@contributions.register
 def _(load: Gravity, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
     section = beam.section
     if not isinstance(section, Section) or (section.mass_per_length is None and not beam.bodies):

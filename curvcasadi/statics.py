@@ -13,17 +13,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from curvcasadi import chain, element, kinematics
-from curvcasadi.beam import Beam, merged_breaks
+from curvcasadi.beam import Beam
 from curvcasadi.chain import Pattern
 from curvcasadi.expressions import AnyExpr, expression, same_kind
 from curvcasadi.lie import so3
-from curvcasadi.loads import SIZE, Mesh, load_breaks, station_loads
+from curvcasadi.loads import WrenchFormula, loaded_mesh, station_loads
 from curvcasadi.section import Section
 
 #: Gauss points per panel beyond the number of basis functions, for bases that are not polynomial.
@@ -79,8 +79,7 @@ def generalized_force(
     attitude : (3, 3), parent to inertial axes, for dead loads and gravity; None if these agree
     """
     q = expression("q", q, (beam.basis.n, 1))
-    forces, _ = _passes(beam, q, loads, attitude, tangent=False)
-    return forces
+    return _passes(beam, q, loads, attitude, tangent=False).force
 
 
 def equilibrium_residual(
@@ -97,22 +96,96 @@ def equilibrium_tangent(
 
     Unsymmetric where the loads have no potential: follower loads, and dead moments.
     """
+    balanced = balance(beam, q, loads, attitude, tangent=True)
+    return balanced.residual, balanced.residual_slope
+
+
+def root_wrench(
+    beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None = None
+) -> AnyExpr:
+    """Wrench (moment, force), (6, 1), that `loads` hand on to the root: Σ_k W_k.
+
+    N m and N, parent axes, about the parent origin. Arguments of `generalized_force`.
+    """
+    q = expression("q", q, (beam.basis.n, 1))
+    return _passes(beam, q, loads, attitude, tangent=False).wrench
+
+
+class Balance(NamedTuple):
+    """A loaded beam: what is left of its equilibrium, and what it hands on to its root."""
+
+    residual: AnyExpr  #: S q − Q (n, 1), N m²
+    wrench: AnyExpr  #: `root_wrench`, (6, 1)
+    residual_slope: AnyExpr = None  #: dr/dq (n, n)
+    wrench_slope: AnyExpr = None  #: dW/dq (6, n)
+
+
+def balance(
+    beam: Beam,
+    q: AnyExpr,
+    loads: Sequence[Any],
+    attitude: AnyExpr | None = None,
+    *,
+    tangent: bool = False,
+) -> Balance:
+    """Residual and root wrench by the same passes, with `tangent` also their derivatives."""
     q = expression("q", q, (beam.basis.n, 1))
     stiffness = stiffness_matrix(beam)
-    forces, slope = _passes(beam, q, loads, attitude, tangent=True)
-    return stiffness @ q - forces, stiffness - slope
+    passed = _passes(beam, q, loads, attitude, tangent=tangent)
+    residual = stiffness @ q - passed.force
+    if not tangent:
+        return Balance(residual, passed.wrench)
+    return Balance(residual, passed.wrench, stiffness - passed.force_slope, passed.wrench_slope)
 
 
-def loaded_mesh(beam: Beam, loads: Sequence[Any]) -> Mesh:
-    """Stations of `beam` and panels that also break where `loads` begin, end or jump."""
-    breaks = merged_breaks([*beam.breaks, *load_breaks(loads)])
-    return Mesh(beam.grid.stations(breaks), beam.grid.panels(breaks))
+def parameter_slopes(
+    beam: Beam,
+    q: AnyExpr,
+    loads: Sequence[Any],
+    parameters: AnyExpr,
+    attitude: AnyExpr | None = None,
+) -> tuple[AnyExpr, AnyExpr]:
+    """Derivatives of `balance` with respect to symbols in loads, attitude and stiffness.
+
+        dr/dp = dS/dp q − Σ_k [A; B]_kᵀ ∂W_k/∂p,      dW/dp = Σ_k ∂W_k/∂p
+
+    each ∂W_k/∂p by AD of one station.
+
+    Parameters
+    ----------
+    parameters : (m, 1)
+
+    Returns
+    -------
+    (n, m), (6, m)
+    """
+    q = expression("q", q, (beam.basis.n, 1))
+    mesh = loaded_mesh(beam, loads)
+    beam_chain = chain.build(beam, mesh.stations.tolist(), boundaries=mesh.stations)
+    root = ca.veccat(beam.root.rotation, beam.root.position)
+    states = kinematics.jacobian_states(beam_chain, q, root)
+    residual = ca.jacobian(stiffness_matrix(beam) @ q, parameters)
+    wrench = ca.DM.zeros(6, parameters.numel())
+    for state, acting in zip(states, station_loads(beam, loads, mesh, attitude), strict=True):
+        for formula, data in acting:
+            slope_of = _wrench_by_data(formula, data.numel(), parameters.numel(), beam.basis.n)
+            work, part = slope_of(state, data, ca.densify(ca.jacobian(data, parameters)))
+            residual, wrench = residual - work, wrench + part
+    return residual, wrench
+
+
+class _Passed(NamedTuple):
+    """Q (n, 1), root wrench (6, 1), and their derivatives with respect to q."""
+
+    force: AnyExpr
+    wrench: AnyExpr
+    force_slope: AnyExpr = None
+    wrench_slope: AnyExpr = None
 
 
 def _passes(
     beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None, tangent: bool
-) -> tuple[AnyExpr, AnyExpr]:
-    """Q (n, 1), and with `tangent` dQ/dq (n, n)."""
+) -> _Passed:
     mesh = loaded_mesh(beam, loads)
     data = station_loads(beam, loads, mesh, attitude)
     beam_chain = chain.build(beam, mesh.stations.tolist(), boundaries=mesh.stations)
@@ -120,19 +193,22 @@ def _passes(
     root = ca.veccat(beam.root.rotation, beam.root.position)
     if tangent:
         states = kinematics.jacobian_states(beam_chain, q, root)
-        wrench_at, inward = _station_wrench_tangent(n), _inward_tangent(pattern)
-        sums = [ca.DM.zeros(6), ca.DM.zeros(6, n), ca.DM.zeros(n), ca.DM.zeros(n, n)]
+        inward = _inward_tangent(pattern)
+        outboard = [ca.DM.zeros(6), ca.DM.zeros(6, n)]
+        forces = [ca.DM.zeros(n), ca.DM.zeros(n, n)]
     else:
         states = beam_chain.march(chain.pose_step(pattern), root, q)
-        wrench_at, inward = _station_wrench(), _inward(pattern)
-        sums = [ca.DM.zeros(6), ca.DM.zeros(n)]
-    held = len(sums) // 2  # what the outboard wrench holds; the rest is summed
-    for k in reversed(range(1, len(states))):
-        wrench = _outputs(wrench_at(states[k], data[k]))
-        outboard = [total + part for total, part in zip(sums[:held], wrench, strict=True)]
-        forces = inward(q, states[k - 1], beam_chain.data[k - 1], *outboard, *sums[held:])
-        sums = [*outboard, *_outputs(forces)]
-    return (sums[2], sums[3]) if tangent else (sums[1], None)
+        inward = _inward(pattern)
+        outboard, forces = [ca.DM.zeros(6)], [ca.DM.zeros(n)]
+    columns = n if tangent else None
+    for k in reversed(range(len(states))):
+        for formula, values in data[k]:
+            wrench = _station_wrench(formula, values.numel(), columns)(states[k], values)
+            outboard = [a + b for a, b in zip(outboard, _outputs(wrench), strict=True)]
+        if k:
+            crossed = inward(q, states[k - 1], beam_chain.data[k - 1], *outboard, *forces)
+            forces = [*_outputs(crossed)]
+    return _Passed(*(x for pair in zip(forces, outboard, strict=True) for x in pair))
 
 
 def _outputs(results: Any) -> tuple[AnyExpr, ...]:
@@ -140,35 +216,35 @@ def _outputs(results: Any) -> tuple[AnyExpr, ...]:
     return results if isinstance(results, tuple) else (results,)
 
 
-def wrench_of(rotation: AnyExpr, position: AnyExpr, loads: AnyExpr) -> AnyExpr:
-    """Wrench (moment, force), (6, 1), about the parent origin, of the load data of one station."""
-    fixed, fixed_moment, lever, local, local_moment = ca.vertsplit(loads, [0, 3, 6, 15, 18, SIZE])
-    force = fixed + rotation @ local
-    levers = -2 * so3.vee(rotation @ ca.reshape(lever, 3, 3))
-    moment = ca.cross(position, force) + levers + fixed_moment + rotation @ local_moment
-    return ca.vertcat(moment, force)
+@lru_cache(maxsize=256)
+def _station_wrench(formula: WrenchFormula, size: int, columns: int | None) -> ca.Function:
+    """(state, data) -> wrench; given `columns` of sums in the state, its derivatives, too.
 
-
-@lru_cache(maxsize=8)
-def _station_wrench() -> ca.Function:
-    """(state, loads) -> wrench."""
-    state, loads = ca.SX.sym("state", 12), ca.SX.sym("loads", SIZE)
-    wrench = wrench_of(*chain.unpack_pose(state), loads)
-    return ca.Function("station_wrench", [state, loads], [wrench], {"cse": True})
-
-
-@lru_cache(maxsize=64)
-def _station_wrench_tangent(columns: int) -> ca.Function:
-    """(state with sums, loads) -> wrench, its derivatives (6, columns)."""
-    state, loads = ca.SX.sym("state", 12 + 6 * columns), ca.SX.sym("loads", SIZE)
+    A motion [A; B] of the station turns R by [A×] and moves p by B + A × p.
+    """
+    state = ca.SX.sym("state", 12 + 6 * (columns or 0))
+    data = ca.SX.sym("data", size)
     rotation, position = chain.unpack_pose(state)
+    wrench = formula(rotation, position, data)
+    if columns is None:
+        return ca.Function("station_wrench", [state, data], [wrench], {"cse": True})
     a, b = kinematics.unpack_sums(state)
-    wrench = wrench_of(rotation, position, loads)
     by_pose = ca.jacobian(wrench, state[:12])
     turned = ca.vertcat(*(-so3.hat(rotation[:, k]) @ a for k in range(3)))
     moved = b - so3.hat(position) @ a
     slope = by_pose @ ca.vertcat(turned, moved)
-    return ca.Function("station_wrench_tangent", [state, loads], [wrench, slope], {"cse": True})
+    return ca.Function("station_wrench_tangent", [state, data], [wrench, slope], {"cse": True})
+
+
+@lru_cache(maxsize=256)
+def _wrench_by_data(formula: WrenchFormula, size: int, m: int, n: int) -> ca.Function:
+    """(state with sums, data, d data (size, m)) -> [A; B]ᵀ ∂W (n, m), ∂W (6, m)."""
+    state, data = ca.SX.sym("state", 12 + 6 * n), ca.SX.sym("data", size)
+    d_data = ca.SX.sym("d_data", size, m)
+    wrench = formula(*chain.unpack_pose(state), data)
+    slope = ca.densify(ca.jacobian(wrench, data)) @ d_data
+    work = ca.vertcat(*kinematics.unpack_sums(state)).T @ slope
+    return ca.Function("wrench_by_data", [state, data, d_data], [work, slope], {"cse": True})
 
 
 @lru_cache(maxsize=64)

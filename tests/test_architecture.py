@@ -117,8 +117,8 @@ def test_nothing_is_kept_from_zero_by_adding_a_small_number(path):
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_branches_stay_in_the_two_guarded_places(path):
-    if path.relative_to(PACKAGE).as_posix() in ("lie/so3.py", "element.py"):
+def test_branches_stay_in_the_guarded_places(path):
+    if path.relative_to(PACKAGE).as_posix() in ("lie/so3.py", "element.py", "aero/load.py"):
         return
     for node in ast.walk(TREES[path]):
         name = getattr(node, "id", getattr(node, "attr", ""))

@@ -1,0 +1,15 @@
+"""Steady aerodynamics of wings, strip by strip."""
+
+from curvcasadi.aero.load import AerodynamicLoad, Flow, StripForces, strip_forces
+from curvcasadi.aero.strip import ControlSurface, ExponentialTipLoss, StripAerodynamics, mirror_aero
+
+__all__ = [
+    "AerodynamicLoad",
+    "ControlSurface",
+    "ExponentialTipLoss",
+    "Flow",
+    "StripAerodynamics",
+    "StripForces",
+    "mirror_aero",
+    "strip_forces",
+]

@@ -1,0 +1,74 @@
+"""Published case D11: static aeroelastic equilibrium of the HALE wing under strip theory.
+
+M. J. Smith, M. J. Patil, D. H. Hodges, "CFD-based analysis of nonlinear aeroelastic behavior of
+high-aspect ratio wings", AIAA 2001-1582; the exact strip rows by collocation of the inextensible
+rod, as `reference/D11_smith_static_aeroelastic.json` says.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import curvcasadi as cc
+from curvcasadi.aero import AerodynamicLoad, Flow, StripAerodynamics, strip_forces
+from curvcasadi.statics import root_wrench
+
+SEMISPAN = 16.0
+ROWS = ("2deg_nog", "2deg_g", "4deg_nog", "4deg_g")
+STRIPS = StripAerodynamics(chord=1.0, aerodynamic_center=0.25, lift_slope=2 * np.pi)
+AERO = AerodynamicLoad(strips=STRIPS, flow=Flow(density=0.08891, wind=[0, -25, 0]))
+GRAVITY = cc.Gravity([0, 0, -9.754])
+
+
+def clamped_wing(angle):
+    """Wing in the wind frame (x along the span, y upstream, z up), its root nose-up by `angle`."""
+    c, s = np.cos(angle), np.sin(angle)
+    return cc.Beam(
+        length=SEMISPAN,
+        basis=cc.ChannelBasis(
+            torsion=cc.Legendre(5), out_of_plane=cc.Legendre(6), in_plane=cc.Legendre(4)
+        ),
+        grid=cc.Grid.lobatto(16),
+        section=cc.Section(GJ=1e4, EI_y=2e4, EI_z=5e6, mass_per_length=0.75),
+        root=cc.Pose(rotation=[[1, 0, 0], [0, c, -s], [0, s, c]], position=[0, 0, 0]),
+    )
+
+
+@pytest.fixture(params=ROWS)
+def row(request, published):
+    """(beam, loads, equilibrium, published values) of one row."""
+    name = request.param
+    beam = clamped_wing(np.radians(float(name[0])))
+    loads = [AERO, GRAVITY] if name.endswith("_g") else [AERO]
+    expected = published("D11")["reference"]["exact_strip_COMPUTED"][name]
+    return beam, loads, cc.solve_equilibrium(beam, loads), expected
+
+
+def test_wing_takes_the_exact_shape(row):
+    beam, _, found, expected = row
+    positions = [cc.pose_at(beam, found.q, xi).position.full().ravel() for xi in (0.25, 0.5, 0.75)]
+    positions.append(found.shape.tip.position.full().ravel())
+    # Four decimals are published: 3e-6 of the semispan, which is all that is left here.
+    assert_allclose(positions, expected["xyz_at_s=4,8,12,16_wind_frame"], atol=1e-5 * SEMISPAN)
+
+
+def test_tip_meets_the_air_at_the_exact_angle(row):
+    beam, _, found, expected = row
+    angle = np.degrees(strip_forces(beam, found.q, AERO).angle_of_attack.full()[0, -1])
+    # Four decimals of a degree are published.
+    assert_allclose(angle, expected["tip_angle_of_attack_deg"], atol=1e-4)
+
+
+def test_root_carries_the_exact_force_and_moment(row):
+    beam, loads, found, expected = row
+    wrench = root_wrench(beam, found.q, loads).full().ravel()
+    # Three decimals are published; moments magnify what is left of the shape.
+    assert_allclose(wrench[3:], expected["root_force_N_(x,y,z wind frame)"], atol=2e-3)
+    assert_allclose(wrench[:3], expected["root_moment_N_m"], atol=1e-2)
+
+
+def test_newton_takes_few_steps_without_continuation(row):
+    _, _, found, _ = row
+    assert found.iterations <= 6 and found.load_steps == 1

@@ -8,16 +8,19 @@ from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
+from scipy.optimize import least_squares
 
 from curvcasadi.beam import Beam
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.expressions import AnyExpr, Array, Number, choice, expression, positive
 from curvcasadi.ocp.targets import (
+    TOLERANCE,
     Limits,
     Regularizer,
     Residuals,
     Target,
     checked_problem,
+    numeric,
     regularizer_matrix,
     residuals,
     shape_limits,
@@ -29,9 +32,6 @@ Hessian = Literal["gauss_newton", "limited_memory"]
 
 #: Starts that are tried, beyond the guess, before unweighted targets count as unreachable.
 _FURTHER_STARTS = 8
-#: Misses, in tolerances, from which the constrained solve still gets to the targets: least squares
-#: ends early where the targets are badly conditioned.
-_NEARLY = 1e3
 #: Part of a tolerance that the regularizer may use up: the target stays well within it.
 _USED_TOLERANCE = 1e-2
 #: Damping of the Gauss–Newton Hessian along directions that no target sees, times W.
@@ -103,7 +103,8 @@ def reach_shape(
     solvers = _Solvers(problem, hessian, solver, solver_options or {})
     guess = np.zeros(beam.basis.n)
     if q_guess is not None:
-        guess = expression("q_guess", q_guess, (beam.basis.n, 1)).full().ravel()
+        guess = numeric("q_guess", expression("q_guess", q_guess, (beam.basis.n, 1)))
+        guess = guess.full().ravel()
     guess = np.clip(guess, *beam.bounds)
 
     q, met = guess, True
@@ -174,6 +175,9 @@ class _Solvers:
         self._errors = ca.Function(
             "errors", [problem.q, symbols], [r.to_meet, r.distances, r.angles]
         )
+        slope = ca.densify(ca.jacobian(r.to_meet, problem.q))
+        self._slope = ca.Function("slope", [problem.q, symbols], [slope])
+        self._limits = ca.Function("limits", [problem.q], [limits])
 
     def errors(self, q: Array) -> tuple[Array, Array, Array]:
         """(errors of unweighted targets, distances in m, angles in rad)."""
@@ -188,6 +192,30 @@ class _Solvers:
         """Weights nearest to the unweighted targets, from `q`."""
         limits = self.problem.limits
         return self._solve(self._nearest, q, limits.lower, limits.upper)
+
+    def polish(self, q: Array) -> Array:
+        """`q`, or better weights by a trust region on the errors themselves.
+
+        Their squares hide what badly conditioned targets still miss. It knows the bounds of the
+        weights alone: if it leaves other limits, `q` stays.
+        """
+        tolerances = self.problem.residuals.tolerances
+        lower, upper = self.problem.bounds
+        solution = least_squares(
+            lambda x: self.errors(x)[0] / tolerances,
+            q,
+            lambda x: self._slope(x, self._parameters).full() / tolerances[:, None],
+            bounds=(lower, np.maximum(upper, np.nextafter(lower, np.inf))),
+            xtol=1e-15,
+            ftol=1e-15,
+            gtol=1e-15,
+            max_nfev=500,
+        )
+        limits = self.problem.limits
+        values = self._limits(solution.x).full().ravel()
+        kept = np.all((values >= limits.lower) & (values <= limits.upper))
+        self.iterations += int(solution.nfev)
+        return solution.x if kept and self.misses(solution.x) < self.misses(q) else q
 
     def choose(self, q: Array) -> Array:
         """Best weights that meet the unweighted targets, from weights `q` that meet them."""
@@ -277,8 +305,8 @@ def _meet(beam: Beam, solvers: _Solvers, guess: Array) -> tuple[Array, bool]:
     for start in starts:
         q = solvers.nearest(start)
         missed = solvers.misses(q)
-        if 1 < missed <= _NEARLY:
-            q = solvers.choose(q)
+        if missed > 1:
+            q = solvers.polish(q)
             missed = solvers.misses(q)
         if missed <= 1:
             return q, True
@@ -331,9 +359,11 @@ def _why_missed(
     root = beam.root.position
     misses, reasons = [], []
     for i, target in enumerate(targets):
-        parts = []
+        parts, fractions = [], []
         if target.position is not None:
-            parts.append(f"{next(remaining_distances):.3g} m")
+            distance = next(remaining_distances)
+            parts.append(f"{distance:.3g} m")
+            fractions.append(distance / beam.length)
             away, reach = float(ca.norm_2(target.position - root)), float(target.xi * beam.length)
             if target.weight is None and away > reach:
                 reasons.append(
@@ -341,8 +371,11 @@ def _why_missed(
                     f"the beam ends at most {reach:.6g} m from it"
                 )
         if target.rotation is not None:
-            parts.append(f"{next(remaining_angles):.3g} rad")
-        if target.weight is None:
+            angle = next(remaining_angles)
+            parts.append(f"{angle:.3g} rad")
+            fractions.append(angle)
+        tolerance = TOLERANCE if target.tolerance is None else target.tolerance
+        if target.weight is None and max(fractions) > tolerance:
             misses.append(f"targets[{i}] (xi = {target.xi:g}) by {' and '.join(parts)}")
     if active and not reasons:
         reasons.append("bounds hold it: " + "; ".join(active))

@@ -10,6 +10,7 @@ from curvcasadi.beam import Beam
 from curvcasadi.expressions import Number, count, positive
 from curvcasadi.ocp.sqp import gauss_newton_sqp
 from curvcasadi.ocp.targets import (
+    Limits,
     Regularizer,
     Residuals,
     Target,
@@ -20,11 +21,14 @@ from curvcasadi.ocp.targets import (
 )
 
 #: (weight of the preference in the objective, the same in the Hessian), stage by stage. From a
-#: strong preference, which leads to the right valley, to a weak one, and to none: a last step onto
-#: the targets, along the directions that they see. Twice the weight in the Hessian damps
-#: Gauss–Newton, which does not know the curvature of the constraint.
-_STAGES = ((1e-2, 1e-2), (1e-3, 2e-3), (1e-4, 2e-4), (1e-4, 2e-4), (0.0, 1e-8))
+#: stronger preference, which leads to the right valley, to ever weaker ones, with which multipliers
+#: converge along directions that the targets hardly see, and to none: a last step onto the targets.
+#: Twice the weight in the Hessian damps Gauss–Newton, which does not know the curvature of the
+#: constraint.
+_STAGES = ((1e-3, 1e-3), (1e-4, 2e-4), (1e-5, 2e-5), (1e-6, 2e-6), (1e-7, 2e-7), (0.0, 1e-9))
 _PREFERENCE_ONLY = ((1.0, 1.0),)
+#: Excess over a limit, rad/m or rad², that counts as kept.
+_LIMIT_TOLERANCE = 1e-6
 
 
 def shape_target_function(
@@ -35,7 +39,8 @@ def shape_target_function(
     curvature_bound: Number | None = None,
     regularizer: Regularizer = "smoothness",
     regularization: float = 1e-8,
-    max_iter: int = 30,
+    max_iter: int = 100,
+    qp_solver: str = "qrqp",
 ) -> ca.Function:
     """`reach_shape` as one Function: q_guess, positions, rotations -> q, distances, angles, miss.
 
@@ -44,22 +49,26 @@ def shape_target_function(
 
         ½ |e|² + y·e + a (½ Σ weight (|Δp|²/L² + |Δφ|²) + ½ regularization qᵀ W q)
 
-    by Gauss–Newton `sqpmethod` with `qrqp`, within the bounds of `reach_shape`; a falls to zero.
+    by Gauss–Newton `sqpmethod`, within the bounds of `reach_shape`; a falls to zero.
     One solver serves all stages, so that generated C holds it once. Redundant targets are no
-    obstacle, and of unreachable ones it comes near the nearest.
+    obstacle. It follows one guess into one valley: `reach_shape` tries several, and finds the
+    nearest shape to unreachable targets, which this need not.
 
     Parameters
     ----------
     targets : stations and kinds; their numbers arrive as inputs
-    max_iter : iterations of one stage; there are five, or one where every target is weighted
+    max_iter : iterations of one stage; there are six, or one where every target is weighted
+    qp_solver : "qrqp", which alone becomes self-contained C; where curvature bounds or element
+        angles are active it often gives up, and `miss` tells: "qpoases" does not
 
     Returns
     -------
     casadi.Function
         Inputs: q_guess (n, 1), rad/m; positions (3, P), m, if any; rotations (3, 3 R), if any; in
         the order of `targets`. Outputs: q (n, 1), rad/m; distances (P, 1), m; angles (R, 1), rad;
-        miss (1, 1): the largest error of an unweighted target over its tolerance, at most 1 where
-        they are met. It never raises: check `miss`. From an exactly straight guess a target on
+        miss (1, 1): the largest error of an unweighted target over its tolerance, or excess over a
+        limit of curvature (rad/m) or squared element angle (rad²) over 1e-6, at most 1 where all
+        is kept. It never raises: check `miss`. From an exactly straight guess a target on
         the beam's axis has no gradient: guess a slight bend.
     """
     targets = checked_problem(beam, targets)
@@ -84,7 +93,14 @@ def shape_target_function(
     hessian = jacobian.T @ jacobian
     hessian += in_hessian * (weighted_jacobian.T @ weighted_jacobian + preference)
     solver = gauss_newton_sqp(
-        name + "_stage", q, parameters, objective, hessian, limits.expression, max_iter=max_iter
+        name + "_stage",
+        q,
+        parameters,
+        objective,
+        hessian,
+        limits.expression,
+        max_iter=max_iter,
+        qp_solver=qp_solver,
     )
 
     lower, upper = beam.bounds
@@ -98,7 +114,7 @@ def shape_target_function(
         best = solver(x0=best, p=ca.vertcat(values, y, a, b), **bounds)["x"]
         y, weight = y + error(best, values), a
     outputs = ca.Function(
-        name + "_outcome", [q, values], [problem.distances, problem.angles, _miss(problem)]
+        name + "_outcome", [q, values], [problem.distances, problem.angles, _miss(problem, limits)]
     )
     distances, angles, miss = outputs(best, values)
     inputs = {"q_guess": guess, "positions": problem.positions, "rotations": problem.rotations}
@@ -108,7 +124,7 @@ def shape_target_function(
     return ca.Function(name, [*used.values()], [*kept.values()], [*used], [*kept])
 
 
-def _miss(problem: Residuals) -> ca.MX:
-    if not len(problem.tolerances):
-        return ca.MX(0)
-    return ca.norm_inf(problem.to_meet / problem.tolerances)
+def _miss(problem: Residuals, limits: Limits) -> ca.MX:
+    errors = ca.fabs(problem.to_meet) / problem.tolerances
+    excess = ca.fmax(limits.expression - limits.upper, limits.lower - limits.expression)
+    return ca.mmax(ca.vertcat(0, errors, excess / _LIMIT_TOLERANCE))

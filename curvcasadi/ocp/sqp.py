@@ -6,6 +6,11 @@ from typing import Any
 
 import casadi as ca
 
+_QUIET: dict[str, dict[str, Any]] = {
+    "qrqp": {"print_iter": False, "print_header": False, "print_info": False},
+    "qpoases": {"printLevel": "none"},
+}
+
 
 def gauss_newton_sqp(
     name: str,
@@ -18,15 +23,16 @@ def gauss_newton_sqp(
     max_iter: int,
     tolerance: float = 1e-9,
     line_search: bool = True,
+    qp_solver: str = "qrqp",
 ) -> ca.Function:
-    """`sqpmethod` with `qrqp` on a given positive semidefinite Hessian of the objective.
+    """`sqpmethod` on a given positive semidefinite Hessian of the objective.
 
-    Both become self-contained C. Nothing is printed and nothing raised: a caller checks the result.
-    Without line search every step is full, as real-time iterations want it.
+    With `qrqp` it becomes self-contained C. Nothing is printed and nothing raised: a caller checks
+    the result. Without line search every step is full, as real-time iterations want it.
     """
     scale = ca.MX.sym("lam_f")
     multipliers = ca.MX.sym("lam_g", constraints.shape[0])
-    quiet = {"print_iter": False, "print_header": False, "print_info": False}
+    qp_options = {"error_on_fail": False, **_QUIET.get(qp_solver, {})}
     options: dict[str, Any] = {
         "hess_lag": ca.Function(
             name + "_hessian",
@@ -35,8 +41,8 @@ def gauss_newton_sqp(
             ["x", "p", "lam_f", "lam_g"],
             ["hess_gamma_x_x"],
         ),
-        "qpsol": "qrqp",
-        "qpsol_options": {**quiet, "error_on_fail": False},
+        "qpsol": qp_solver,
+        "qpsol_options": qp_options,
         "error_on_fail": False,
         "max_iter": max_iter,
         **({} if line_search else {"max_iter_ls": 0}),

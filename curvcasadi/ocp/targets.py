@@ -55,24 +55,26 @@ class Target:
             raise ValueError("Target: expected a position, a rotation or both, found neither")
         if self.position is not None:
             position = expression("Target.position", self.position, (3, 1))
-            _numeric("Target.position", position)
+            numeric("Target.position", position)
             object.__setattr__(self, "position", position)
         if self.rotation is not None:
             rotation = rotation_matrix("Target.rotation", self.rotation)
-            _numeric("Target.rotation", rotation)
+            numeric("Target.rotation", rotation)
             object.__setattr__(self, "rotation", rotation)
         for name in ("weight", "tolerance"):
             if getattr(self, name) is not None:
-                _numeric(f"Target.{name}", positive(f"Target.{name}", getattr(self, name)))
+                numeric(f"Target.{name}", positive(f"Target.{name}", getattr(self, name)))
         if self.weight is not None and self.tolerance is not None:
             raise ValueError(
                 "Target: expected a tolerance (to be met) or a weight (least squares), found both"
             )
 
 
-def _numeric(name: str, value: Number) -> None:
+def numeric(name: str, value: Number) -> Number:
+    """`value`, which must hold numbers."""
     if not is_numeric(value):
         raise ValueError(f"{name}: expected numbers, found the symbol {value}")
+    return value
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -230,7 +232,7 @@ def checked_problem(beam: Beam, targets: Sequence[Target]) -> list[Target]:
     if symbols:
         field, symbol = next(iter(symbols.items()))
         raise ValueError(f"{field}: a shape target needs numbers, found the symbol {symbol}")
-    targets = list(targets)
-    if not targets or not all(isinstance(target, Target) for target in targets):
+    found = list(targets) if np.iterable(targets) else []
+    if not found or not all(isinstance(target, Target) for target in found):
         raise ValueError(f"targets: expected one or more Target, found {targets!r}")
-    return targets
+    return found

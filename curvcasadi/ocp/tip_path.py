@@ -10,6 +10,7 @@ from curvcasadi.expressions import Array, Number, count, positive
 from curvcasadi.integrators import rk4_step
 from curvcasadi.lie import so3
 from curvcasadi.ocp.sqp import gauss_newton_sqp
+from curvcasadi.ocp.targets import numeric
 
 
 def tip_path_step_function(
@@ -23,6 +24,7 @@ def tip_path_step_function(
     rate_bound: Number | None = None,
     curvature_bound: Number | None = None,
     iterations: int | None = None,
+    qp_solver: str = "qrqp",
     name: str = "tip_path_step",
 ) -> ca.Function:
     """One step of a tip-path MPC: state and path in, input out.
@@ -34,8 +36,8 @@ def tip_path_step_function(
 
     over the stages k = 1 … N of poses and 0 … N − 1 of inputs, subject to the model (Runge–Kutta 4,
     inputs held), the bounds in its layouts, |dx/dt| ≤ rate_bound at every stage and
-    |K_x|, |K_y|, |K_z| ≤ curvature_bound at the model's stations. Gauss–Newton `sqpmethod` with
-    `qrqp`, multiple shooting: it becomes self-contained C.
+    |K_x|, |K_y|, |K_z| ≤ curvature_bound at the model's stations. Gauss–Newton `sqpmethod` and
+    multiple shooting; with `qrqp` it becomes self-contained C.
 
     Parameters
     ----------
@@ -44,6 +46,10 @@ def tip_path_step_function(
     position_weight, attitude_weight, move_weight : 1/m², 1/rad², m²/rad²
     rate_bound : rad/(m s), one number or one per state; curvature_bound : rad/m, one or three
     iterations : None to converge, 1 for a real-time iteration (one quadratic program, full step)
+    qp_solver : "qrqp", which alone becomes self-contained C, or another of CasADi's for singular
+        Hessians. A single program of `qrqp` fails where many bounds hold at once (half of those
+        that start far from the path, with rates at their bounds), which `miss` tells: do not apply
+        `u` then. "qpoases" does not fail there; iterated to convergence neither does.
 
     Returns
     -------
@@ -55,9 +61,9 @@ def tip_path_step_function(
     """
     stages = count("horizon", horizon)
     weights = [
-        positive("position_weight", position_weight, zero=True),
-        positive("attitude_weight", attitude_weight, zero=True),
-        positive("move_weight", move_weight),
+        numeric("position_weight", positive("position_weight", position_weight, zero=True)),
+        numeric("attitude_weight", positive("attitude_weight", attitude_weight, zero=True)),
+        numeric("move_weight", positive("move_weight", move_weight)),
     ]
     nx, nu = model.x.size, model.u.size
     step = rk4_step(model, dt)
@@ -96,6 +102,7 @@ def tip_path_step_function(
         constraints,
         max_iter=100 if iterations is None else count("iterations", iterations),
         line_search=iterations is None,
+        qp_solver=qp_solver,
     )
 
     stage_bounds = [

@@ -15,7 +15,6 @@ from curvcasadi.errors import ConvergenceError
 from curvcasadi.expressions import Array, choice, expression, positive
 from curvcasadi.ocp.trim_problem import (
     ANGLES,
-    BALANCE_UNITS,
     BALANCES,
     LATERAL,
     Objective,
@@ -26,7 +25,7 @@ from curvcasadi.ocp.trim_problem import (
 from curvcasadi.ocp.trim_result import TrimResult
 from curvcasadi.shape import shape_map
 
-#: Balance (of the weight, the weight times the longest wing, the speed) that counts as zero.
+#: What counts as zero, in the scales of `TrimProblem`.
 TOLERANCE = 1e-8
 #: Standard gravity, m/s².
 STANDARD_GRAVITY = 9.80665
@@ -60,7 +59,7 @@ def trim(
     free : of "sideslip" and "roll"; what is not named stays zero
     inputs : inputs that are held, by name: N or rad. All others are free
     bounds : (lower, upper) of angles and inputs by name. Unless given: angle of attack and sideslip
-        within 0.35 rad, thrusts not below zero
+        within 0.35 rad, deflections within 0.5 rad, thrusts not below zero
     objective : "strain_energy", "drag", "root_bending" (sum of squared out-of-plane moments at the
         roots), a `TipHeight`, or None where nothing is left to choose
     guess : an earlier result of the same aircraft
@@ -138,13 +137,13 @@ class _Solver:
         p = self._parameters(case)
         lower, upper = self._bounds(case, p[-1])
         x = np.zeros(len(lower)) if guess is None else guess.unknowns
-        x, stats = _run(self._nearest, x, p, lower, upper, np.zeros(sum(self.problem.sizes)))
+        x, stats = _run(self._nearest, x, p, lower, upper, *self._on_path(case))
         iterations = int(stats["iter_count"])
-        if self._best is not None and self._missed(x, p) <= TOLERANCE:
+        if self._best is not None and self._missed(case, x, p) <= TOLERANCE:
             conditions = self._conditions(case)
             best, stats = _run(self._best, x, p, lower, upper, *conditions)
             iterations += int(stats["iter_count"])
-            x = best if self._missed(best, p) <= TOLERANCE else x
+            x = best if self._missed(case, best, p) <= TOLERANCE else x
         result = self._result(case, p, x, (lower, upper), bool(stats["success"]), iterations)
         if throw and not result.trimmed:
             raise ConvergenceError(result.message, result)
@@ -156,8 +155,8 @@ class _Solver:
         gravity = positive("gravity", case.gravity)
         path = 0.0 if case.flight_path is None else case.flight_path
         path = float(expression("flight_path", path, (1, 1)))
-        p = np.array([speed, density, gravity, np.sin(path), case.flight_path is not None, 1.0])
-        empty = np.array([speed, 0.0, gravity, 0.0, 0.0, 1.0])
+        p = np.array([speed, density, gravity, np.sin(path), 1.0])
+        empty = np.array([speed, 0.0, gravity, 0.0, 1.0])
         balances, *_ = self._evaluate(np.zeros(self.problem.x.shape[0]), empty)
         p[-1] = float(balances[2])
         return p
@@ -195,21 +194,29 @@ class _Solver:
                 f"{', '.join(free)}; hold others by `inputs`, or give an objective"
             )
 
+    def _on_path(self, case: _Case) -> tuple[Array, Array]:
+        """Bounds of the climb and of the residuals of the wings."""
+        slack = np.zeros(1 + sum(self.problem.sizes))
+        slack[0] = np.inf if case.flight_path is None else 0.0
+        return -slack, slack
+
     def _conditions(self, case: _Case) -> tuple[Array, Array]:
-        """Bounds of the constraints of the second NLP.
+        """Bounds of the balances, too.
 
         What symmetry keeps at zero is no equation there: it would be one without an unknown.
         """
-        slack = np.zeros(len(BALANCES) + sum(self.problem.sizes))
+        slack = np.zeros(len(BALANCES))
         if not case.free:
             slack[list(LATERAL)] = np.inf
-        if case.flight_path is None:
-            slack[len(BALANCES) - 1] = np.inf
-        return -slack, slack
+        low, high = self._on_path(case)
+        return np.append(-slack, low), np.append(slack, high)
 
-    def _missed(self, x: Array, p: Array) -> float:
+    def _missed(self, case: _Case, x: Array, p: Array) -> float:
         balances, residuals, *_ = self._evaluate(x, p)
-        return float(np.max(np.abs(ca.vertcat(balances, residuals).full())))
+        low, high = self._on_path(case)
+        left = residuals.full().ravel()
+        left = left - np.clip(left, low, high)
+        return float(np.max(np.abs(np.append(balances.full(), left))))
 
     def _result(
         self,
@@ -227,14 +234,15 @@ class _Solver:
         named = {name: float(found[name]) for name in problem.names}
         q = {wing.name: found[wing.name] for wing in aircraft.beams}
         on_body = ca.horzsplit(wrenches)[len(problem.rigid) :]
-        scales = np.r_[np.full(3, p[-1]), np.full(3, p[-1] * problem.length), p[0]]
+        scales = p[-1] * np.repeat([1.0, problem.arm], 3)
         active = _active(problem, x, bounds)
-        edges = np.cumsum([0, *problem.sizes])
+        edges = np.cumsum([1, *problem.sizes])
         left = {
             wing.name: float(np.max(np.abs(residuals.full()[a:b])) * p[-1] * problem.length**2)
             for wing, a, b in zip(aircraft.beams, edges, edges[1:], strict=False)
         }
-        missed = self._missed(x, p)
+        missed = self._missed(case, x, p)
+        unsettled = [n for n, r in left.items() if r > TOLERANCE * p[-1] * problem.length**2]
         return TrimResult(
             speed=float(p[0]),
             **{name: named[name] for name in ANGLES},
@@ -256,7 +264,7 @@ class _Solver:
             converged=converged,
             iterations=iterations,
             active_bounds=active,
-            message=_message(case, balances.full().ravel(), scales, residuals, active),
+            message=_message(case, balances.full().ravel(), scales, unsettled, active),
             unknowns=x,
         )
 
@@ -295,19 +303,16 @@ def _active(problem: TrimProblem, x: Array, bounds: tuple[Array, Array]) -> tupl
 
 
 def _message(
-    case: _Case, balances: Array, scales: Array, residuals: ca.DM, active: tuple[str, ...]
+    case: _Case, balances: Array, scales: Array, unsettled: list[str], active: tuple[str, ...]
 ) -> str:
     """Which balances are missed, the worst first, and what holds them."""
     misses = []
     for k in np.argsort(-np.abs(balances)):
         if abs(balances[k]) > TOLERANCE:
-            part = ("of the weight", "of weight times span", "of the speed")[k // 3]
-            misses.append(
-                f"{BALANCES[k]} is left with {balances[k] * scales[k]:.4g} {BALANCE_UNITS[k]} "
-                f"({100 * abs(balances[k]):.2g} % {part})"
-            )
-    if np.max(np.abs(residuals.full()), initial=0.0) > TOLERANCE:
-        misses.append("a wing is out of equilibrium")
+            left = f"{balances[k] * scales[k]:.4g} {'N' if k < 3 else 'N m'}"
+            part = f" ({100 * abs(balances[k]):.2g} % of the weight)" if k < 3 else ""
+            misses.append(f"{BALANCES[k]} is left with {left}{part}")
+    misses += [f"wing {name} is out of equilibrium" for name in unsettled]
     if not misses:
         return "trimmed"
     text = f"no trim at {case.speed:g} m/s: {'; '.join(misses)}"

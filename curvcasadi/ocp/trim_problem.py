@@ -17,7 +17,7 @@ from curvcasadi.pose_function import tip_function
 from curvcasadi.statics import strain_energy
 
 ANGLES = ("angle_of_attack", "pitch", "sideslip", "roll")
-#: The balances in order: forces and moments, body axes, and the path.
+#: The balances in order: forces and moments, body axes.
 BALANCES = (
     "force along x",
     "force along y",
@@ -25,13 +25,11 @@ BALANCES = (
     "moment about x (roll)",
     "moment about y (pitch)",
     "moment about z (yaw)",
-    "climb",
 )
-BALANCE_UNITS = ("N", "N", "N", "N m", "N m", "N m", "m/s")
 #: Those that no motion within the plane of symmetry disturbs.
 LATERAL = (1, 3, 5)
 #: What the balances and objectives take beside the unknowns.
-PARAMETERS = ("speed", "density", "gravity", "sine_of_path", "path_weight", "weight")
+PARAMETERS = ("speed", "density", "gravity", "sine_of_path", "weight")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -54,8 +52,8 @@ class TrimProblem:
     """Steady straight flight of an aircraft as expressions of scaled unknowns x.
 
     x = (angles, inputs, L q of each wing), thrusts over the weight. The balances are forces over
-    the weight W, moments over W L and the climb over the speed; the residuals of the wings count in
-    W L². In straight flight nothing accelerates:
+    the weight W and moments over `arm` W, `arm` a tenth of the longest wing: an aircraft short of
+    lift still holds its pitch. Residuals of the wings count in W L². Nothing accelerates:
 
         u = V (cos α cos β, sin β, sin α cos β),      −(R u)_z = V sin γ,      R = R_y(θ) R_x(φ)
     """
@@ -66,6 +64,7 @@ class TrimProblem:
         self.sizes = [wing.beam.basis.n for wing in aircraft.beams]
         lengths = [numeric_length(wing.beam, "trim") for wing in aircraft.beams]
         self.length = max(lengths, default=1.0)
+        self.arm = self.length / 10
         self.x = ca.MX.sym("x", len(self.names) + sum(self.sizes))
         self.p = ca.MX.sym("p", len(PARAMETERS))
         self._parameter = dict(zip(PARAMETERS, ca.vertsplit(self.p), strict=True))
@@ -114,12 +113,8 @@ class TrimProblem:
         total = sum([*self.rigid.values(), *self.wrenches.values()], ca.MX(6, 1))
         down: ca.MX = self.flight.attitude @ flow.velocity
         climb = -down[2] / p["speed"] - p["sine_of_path"]
-        self.balances = ca.vertcat(
-            total[3:] / p["weight"],
-            total[:3] / (p["weight"] * self.length),
-            p["path_weight"] * climb,
-        )
-        self.residuals = ca.vertcat(*residuals) if residuals else ca.MX(0, 1)
+        self.balances = ca.vertcat(total[3:], total[:3] / self.arm) / p["weight"]
+        self.residuals = ca.vertcat(climb, *residuals)
 
     def drag(self) -> ca.MX:
         """Force against the path, N, of everything but thrust and weight."""
@@ -153,7 +148,10 @@ class TrimProblem:
         return sum(energy, ca.MX(1, 1))
 
     def nearest(self) -> ca.Function:
-        """NLP: least squares of the balances, the wings in equilibrium; Gauss–Newton Hessian."""
+        """NLP: least squares of the balances, on the path, the wings in equilibrium.
+
+        Its Hessian is that of Gauss and Newton.
+        """
         slope = ca.jacobian(self.balances, self.x)
         of_objective = ca.MX.sym("lam_f")
         hessian = ca.Function(
@@ -220,12 +218,13 @@ def at_root(wing: Wing, wrench: AnyExpr) -> AnyExpr:
 def bounds_of(problem: TrimProblem) -> tuple[Array, Array]:
     """Bounds of the named unknowns and of the weights, unless the user says otherwise.
 
-    Angles of attack and sideslip within 0.35 rad, where lift slopes mean something; thrust not
-    below zero; weights within `Beam.weight_bounds`.
+    Angles of attack and sideslip within 0.35 rad and deflections within 0.5 rad, where slopes mean
+    something; thrusts not below zero; weights within `Beam.weight_bounds`.
     """
-    named = {"angle_of_attack": 0.35, "sideslip": 0.35, "pitch": np.pi / 2, "roll": np.pi / 2}
-    upper = [named.get(name, np.inf) for name in problem.names]
+    angles = dict(zip(ANGLES, (0.35, np.pi / 2, 0.35, np.pi / 2), strict=True))
     units = problem.aircraft.inputs
+    largest = {**angles, **{name: np.inf if u == "N" else 0.5 for name, u in units.items()}}
+    upper = [largest[name] for name in problem.names]
     lower = [0.0 if units.get(n) == "N" else -u for n, u in zip(problem.names, upper, strict=True)]
     sides = [wing.beam.bounds for wing in problem.aircraft.beams]
     weights = [np.concatenate([np.zeros(0), *side]) for side in zip(*sides, strict=True)]

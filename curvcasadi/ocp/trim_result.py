@@ -31,7 +31,7 @@ class TrimResult:
     airloads: dict[str, StripForces]  #: along the span, by wing
     strain_energy: float  #: of all wings, J
     drag: float  #: force against the path without thrust and weight, N
-    balances: dict[str, float]  #: what is left of each, N, N m and m/s
+    balances: dict[str, float]  #: what is left of each, N and N m, body axes and origin
     equilibrium_residuals: dict[str, float]  #: largest entry by wing, N m²
     trimmed: bool  #: everything balances
     converged: bool  #: the last solve ended at an optimum

@@ -188,8 +188,8 @@ def _passes(
 ) -> _Passed:
     mesh = loaded_mesh(beam, loads)
     data = station_loads(beam, loads, mesh, attitude)
-    found = {f"loads at xi = {xi:g}": part for xi, part in zip(mesh.stations, data, strict=True)}
-    same_kind(q=q, **found, **beam.design_symbols)
+    for xi, acting in zip(mesh.stations, data, strict=True):
+        same_kind(q=q, **{f"loads at xi = {xi:g}": values for _, values in acting})
     beam_chain = chain.build(beam, mesh.stations.tolist(), boundaries=mesh.stations)
     pattern, n = beam_chain.pattern, beam.basis.n
     root = ca.veccat(beam.root.rotation, beam.root.position)

@@ -94,7 +94,7 @@ class Section:
         jumps = {x for f in fields(self) for x in getattr(getattr(self, f.name), "breaks", ())}
         object.__setattr__(self, "breaks", tuple(sorted(jumps | set(self.breaks))))
         if not any(callable(getattr(self, name)) for name in (*RIGIDITIES, *COUPLINGS)):
-            symmetric("Section stiffness", self.stiffness(0.5), definite=True)
+            self.stiffness(0.5)
 
     @classmethod
     def from_stiffness(cls, stiffness: Number, **mass: Number) -> Section:
@@ -122,7 +122,8 @@ class Section:
             rows[i][i] = _at(self, name, xi)
         for name, (i, j) in COUPLINGS.items():
             rows[i][j] = rows[j][i] = _at(self, name, xi)
-        return ca.vertcat(*(ca.horzcat(*row) for row in rows))
+        matrix = ca.vertcat(*(ca.horzcat(*row) for row in rows))
+        return symmetric(f"Section stiffness at xi = {xi}", matrix, definite=True)
 
     def mass_at(self, xi: float) -> Number:
         """Mass per length, kg/m."""

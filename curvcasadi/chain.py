@@ -20,6 +20,7 @@ from curvcasadi import element
 from curvcasadi.beam import Beam
 from curvcasadi.expressions import AnyExpr, Array, expression, is_numeric, same_kind
 from curvcasadi.grid import COINCIDENT
+from curvcasadi.rules import RULES
 
 
 class Pattern(NamedTuple):
@@ -41,7 +42,7 @@ class Pattern(NamedTuple):
 
     @property
     def moments(self) -> int:
-        return len(element.RULES[self.rule].weights)
+        return len(RULES[self.rule].weights)
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -105,7 +106,7 @@ def _build(
     intervals = [(boundaries[k], boundaries[k + 1]) for k in range(elements)] + intervals
     exits = [(k, None if e is None else elements + e) for k, e in exits]
 
-    rule = element.RULES[beam.grid.rule]
+    rule = RULES[beam.grid.rule]
     samples = np.array([_points(a, b, rule.points) for a, b in intervals])
     phi = np.array([[beam.basis(x) for x in row] for row in samples])
     phi = phi.reshape(len(intervals), len(rule.points), 3, beam.basis.n)
@@ -185,7 +186,7 @@ def _data(
     initial = ca.DM.zeros(3 * pattern.moments)
     if pattern.has_initial_curvature:
         k0 = ca.horzcat(*(beam.initial_curvature_at(x) for x in samples))
-        initial = ca.vec(k0 @ ca.DM(element.RULES[pattern.rule].weights).T)
+        initial = ca.vec(k0 @ ca.DM(RULES[pattern.rule].weights).T)
         parts.insert(1, h * initial)
     if parameters is not None and pattern.n_parameters:
         parts.append(_vec_jacobian(h, parameters))
@@ -243,7 +244,7 @@ def pose_step(pattern: Pattern) -> ca.Function:
     q, data, h, moments, _ = interval(pattern)
     state = ca.SX.sym("state", 12)
     rotation, position = unpack_pose(state)
-    strain = element.RULES[pattern.rule].strain(h, moments)
+    strain = RULES[pattern.rule].strain(h, moments)
     end = element.advance(rotation, position, strain, pattern.exponential, pattern.degree)
     return step_function("element_pose", {"q": q}, state, data, ca.veccat(*end))
 
@@ -252,7 +253,7 @@ def pose_step(pattern: Pattern) -> ca.Function:
 def squared_angle(pattern: Pattern) -> ca.Function:
     """θ² of an interval, rad²: (q, data) -> (1, 1)."""
     q, data, h, moments, _ = interval(pattern)
-    theta, _ = element.RULES[pattern.rule].strain(h, moments)
+    theta, _ = RULES[pattern.rule].strain(h, moments)
     return ca.Function(
         "element_squared_angle", [q, data], [ca.sumsqr(theta)], ["q", "data"], ["squared_angle"]
     )

@@ -9,10 +9,10 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam import Beam, numeric_length
-from curvcasadi.element import RULES
 from curvcasadi.expressions import Array, is_numeric, positive
 from curvcasadi.grid import Grid
 from curvcasadi.pose_function import tip_function
+from curvcasadi.rules import RULES
 
 #: Points per element at which curvature bounds are evaluated.
 _POINTS = 9

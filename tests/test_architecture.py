@@ -20,7 +20,7 @@ LAYERS = """
     functions layout
     lie
     families basis grid section pose beam mirror
-    element
+    rules element
     chain
     shape shape_history kinematics
     pose_function

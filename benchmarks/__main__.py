@@ -14,7 +14,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from tqdm import tqdm
 
-from benchmarks import accuracy, alternatives, cost, generated_c, parallel
+from benchmarks import accuracy, alternatives, cost, generated_c, parallel, statics
 from benchmarks.table import Table
 
 Section = Callable[[], Table]
@@ -31,6 +31,8 @@ COUNTED: tuple[Section, ...] = (
     accuracy.closed_forms,
     accuracy.approximations,
     alternatives.straight_wing,
+    statics.published,
+    statics.cost,
 )
 #: Times, which are never counted, and C that gcc takes long for.
 TIMED: tuple[Section, ...] = (

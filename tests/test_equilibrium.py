@@ -55,6 +55,23 @@ def test_a_strong_dead_force_stays_on_the_branch_of_the_unloaded_shape():
     )
 
 
+@pytest.mark.parametrize(
+    "weights, force", [(3, 16), (3, 25), (4, 12), (4, 20), (4, 25), (5, 40), (6, 60), (8, 40)]
+)
+def test_where_full_newton_steps_leave_the_branch_or_fail_it_is_followed(weights, force):
+    """On the branch of the unloaded shape a dead force turns the tip up to its own direction."""
+    beam = rod(weights, grid=cc.Grid.lobatto(24, max_angle=1.5))
+    loads = [cc.PointForce(1.0, force * UP)]
+    found = cc.solve_equilibrium(beam, loads)
+    assert 1.3 < -float(found.q[0]) < np.pi / 2 + 0.02  # few weights overshoot a little
+    f = ca.Function("f", [q := ca.MX.sym("q", weights)], [*cc.equilibrium_tangent(beam, q, loads)])
+    q = np.zeros(weights)
+    for _ in range(40):
+        residual, tangent = (m.full() for m in f(q))
+        q = q - np.linalg.solve(tangent, residual).ravel()
+    assert not np.abs(q - found.q.full().ravel()).max() <= 1  # NaN where Newton diverges
+
+
 def test_the_load_may_be_reached_from_any_part_of_it():
     """The same equilibrium from straight, and stepped by hand with the shape before as a guess."""
     beam, q = rod(), None

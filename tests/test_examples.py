@@ -15,9 +15,12 @@ def run(name, folder):
 
 def test_every_example_is_tested():
     assert {path.stem for path in EXAMPLES.glob("*.py")} == {
+        "design_stiffness",
         "match_measured_shape",
         "reach_tip_pose",
         "track_tip_path_mpc",
+        "trim_least_bending",
+        "trim_level_flight",
     }
 
 
@@ -40,3 +43,28 @@ def test_track_tip_path_recovers_from_the_disturbance(tmp_path):
     assert distance.max() > 0.3
     assert distance[-1] < 1e-3
     assert (tmp_path / "out" / "track_tip_path_mpc.png").exists()
+
+
+def test_trim_level_flight_needs_more_angle_with_flexible_wings(tmp_path):
+    flexible, stiff = run("trim_level_flight", tmp_path)
+    assert all(result.trimmed for result in (*flexible, *stiff))
+    angles = [[r.angle_of_attack for r in results] for results in (flexible, stiff)]
+    assert np.all(np.diff(angles, axis=1) < 0)  # faster, less
+    assert np.all(np.array(angles[0]) > angles[1])  # bent wings lift inward
+    assert (tmp_path / "out" / "trim_level_flight.png").exists()
+
+
+def test_trim_least_bending_unloads_the_root(tmp_path):
+    clean, flapped = run("trim_least_bending", tmp_path).values()
+    assert flapped.trimmed
+    assert abs(flapped.root_loads["right"][1]) < 0.6 * abs(clean.root_loads["right"][1])
+    assert flapped.inputs["flap_1"] > 0 > flapped.inputs["flap_4"]
+    assert (tmp_path / "out" / "trim_least_bending.png").exists()
+
+
+def test_design_stiffness_puts_it_at_the_root(tmp_path):
+    EI, height, uniform = run("design_stiffness", tmp_path)
+    assert np.all(np.diff(EI.full().ravel()) < 0)
+    assert height == pytest.approx(2, abs=1e-5)  # the bound is active, to the solver's tolerance
+    assert uniform > 2.5
+    assert (tmp_path / "out" / "design_stiffness.png").exists()

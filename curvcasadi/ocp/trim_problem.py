@@ -45,6 +45,7 @@ class TipHeight:
 
 #: Least strain energy, drag, or sum of squared bending moments at the roots; or a tip height.
 Objective: TypeAlias = Literal["strain_energy", "drag", "root_bending"] | TipHeight | None
+Hessian = Literal["exact", "limited_memory"]
 OBJECTIVES = ("strain_energy", "drag", "root_bending")
 
 
@@ -164,10 +165,11 @@ class TrimProblem:
         objective: AnyExpr = ca.sumsqr(self.balances) / 2
         return self._nlp("nearest", objective, self.residuals, {"hess_lag": hessian})
 
-    def best(self, objective: Objective) -> ca.Function:
+    def best(self, objective: Objective, hessian: Hessian) -> ca.Function:
         """NLP: the objective, with balances and equilibrium as constraints."""
         constraints = ca.vertcat(self.balances, self.residuals)
-        options = {"ipopt.hessian_approximation": "limited-memory"}
+        choice("hessian", hessian, ("exact", "limited_memory"))
+        options = {"ipopt.hessian_approximation": hessian.replace("_", "-")}
         return self._nlp("best", self.objective(objective), constraints, options)
 
     def _nlp(

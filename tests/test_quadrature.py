@@ -98,3 +98,9 @@ def test_lobatto_weights_are_positive():
     for elements in (1, 5, 20, 64):
         (panel,) = cc.Grid.lobatto(elements).panels()
         assert np.all(panel.weights > 0)
+
+
+@pytest.mark.parametrize("grid", [cc.Grid.uniform(9), cc.Grid.lobatto(9)], ids=["u", "lobatto"])
+def test_weights_of_a_symmetric_grid_are_symmetric(grid):
+    (panel,) = grid.panels()
+    assert_allclose(panel.weights, panel.weights[::-1], rtol=1e-13)  # rounding

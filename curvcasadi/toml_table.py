@@ -52,6 +52,12 @@ ROWS = Kind(
 )
 
 
+TABLES = Kind(
+    "tables",
+    lambda value: isinstance(value, list) and all(isinstance(entry, dict) for entry in value),
+)
+
+
 def table_of(*keys: str) -> Kind:
     """A table; errors mention `keys`, which `Table.read` checks."""
     expected = f"a table of {', '.join(keys)}" if keys else "a table"
@@ -62,8 +68,8 @@ def table_of(*keys: str) -> Kind:
 class Table:
     """A table of a TOML file; its errors read `path: [table] key: expected …, found …`."""
 
-    path: Path
-    name: str  #: dotted; empty for the file itself
+    path: Path | str  #: the file, or the option of a command that holds the keys
+    name: str  #: dotted, a number behind the name of an array; empty for the file itself
     content: dict[str, Any]
 
     def error(self, message: str) -> ValueError:
@@ -103,13 +109,18 @@ class Table:
         """The table at `key`."""
         return Table(self.path, f"{self.name}.{key}".lstrip("."), self.content[key])
 
+    def tables(self, key: str) -> list[Table]:
+        """The tables of the array at `key`, `[[key]]` in the file: none where it is missing."""
+        entries = self.content.get(key, [])
+        return [Table(self.path, f"{key} {k}", entry) for k, entry in enumerate(entries, start=1)]
+
     @contextmanager
     def owning_errors(self) -> Iterator[None]:
         """A constructor's error "Grid.rule: expected …" becomes one of this table's key."""
         try:
             yield
         except ValueError as error:
-            raise self.error(re.sub(r"^[A-Z]\w*(\.|: )", "", str(error))) from None
+            raise self.error(re.sub(r"^(Section |[A-Z]\w*(\.|: ))", "", str(error))) from None
 
     def _mismatch(self, key: str, expected: str) -> ValueError:
         found = reprlib.repr(self.content[key]) if key in self.content else "no such key"

@@ -24,11 +24,12 @@ LAYERS = """
     chain
     shape shape_history kinematics
     pose_function
-    loads resolution aero statics equilibrium dynamics sensors aircraft
+    loads resolution aero virtual_work statics equilibrium dynamics sensors aircraft
     reference_wings
     control_model integrators
     ocp estimation
-    plotting toml_table files export demo
+    plotting toml_table csv_table modal section_table loads_table shape_files wing_file files
+    export equilibrium_command demo
 """
 ORDER = {
     name: (level, place)
@@ -36,7 +37,10 @@ ORDER = {
     for place, name in enumerate(line.split())
 }
 #: The rim: nothing below imports it.
-RIM = {"plotting", "toml_table", "files", "export", "demo"}
+RIM = {
+    *("plotting", "toml_table", "csv_table", "modal", "section_table", "loads_table"),
+    *("shape_files", "wing_file", "files", "export", "equilibrium_command", "demo"),
+}
 #: May import everything: the command line, and what makes the public names.
 EXEMPT = {"cli", "__init__", "__main__"}
 

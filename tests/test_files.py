@@ -1,12 +1,16 @@
 """Wing files, weight files and shape files."""
 
 import csv
+import json
 import re
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from curvcasadi.equilibrium import solve_equilibrium
 from curvcasadi.families import (
     BSpline,
     CantileverModes,
@@ -16,12 +20,30 @@ from curvcasadi.families import (
     PiecewiseConstant,
     Tabulated,
 )
-from curvcasadi.files import FAMILIES, SHAPE_COLUMNS, load_beam, load_weights, write_shape
+from curvcasadi.files import (
+    FAMILIES,
+    SHAPE_COLUMNS,
+    load_beam,
+    load_weights,
+    load_wing,
+    write_shape,
+)
+from curvcasadi.loads import (
+    DistributedForce,
+    DistributedMoment,
+    Gravity,
+    PointForce,
+    PointMoment,
+)
 from curvcasadi.reference_wings import hale_wing
+from curvcasadi.section import Section, Steps, condense_axial
 from curvcasadi.shape import shape_map
 from curvcasadi.shape_history import shape_history
+from curvcasadi.statics import root_wrench
 
-HALE_WING = Path(__file__).parent.parent / "ocp_examples" / "hale_wing.toml"
+EXAMPLES = Path(__file__).parent.parent / "ocp_examples"
+REFERENCE = Path(__file__).parent / "reference"
+HALE_WING = EXAMPLES / "hale_wing.toml"
 WING = {
     "beam": "length = 2.0",
     "basis": 'out_of_plane = { family = "legendre", n = 2 }',
@@ -32,10 +54,16 @@ WING = {
 
 @pytest.fixture
 def wing(tmp_path):
-    """Writes a wing file, some tables replaced; a table of None is left out."""
+    """Writes a wing file, some tables replaced; a table of None is left out, a list an array."""
 
     def write(**tables):
-        text = "\n".join(f"[{k}]\n{v}" for k, v in {**WING, **tables}.items() if v is not None)
+        lines = [
+            f"[[{name}]]\n{entry}" if isinstance(content, list) else f"[{name}]\n{entry}"
+            for name, content in {**WING, **tables}.items()
+            for entry in (content if isinstance(content, list) else [content])
+            if entry is not None
+        ]
+        text = "\n".join(lines)
         path = tmp_path / "wing.toml"
         path.write_text(text)
         return path
@@ -147,8 +175,8 @@ class TestWingFile:
         ("tables", "message"),
         [
             ({"grid": None}, "grid: expected a table, found no such key"),
-            ({"baem": ""}, "baem: expected one of the keys beam, basis, grid, section; "
-             "found an unknown key, nearest to beam"),
+            ({"baem": ""}, "baem: expected one of the keys beam, basis, grid, section, "
+             "bodies, loads; found an unknown key, nearest to beam"),
             ({"beam": "lenght = 2.0"}, "[beam] lenght: expected one of the keys length, root, "
              "initial_curvature, weight_bounds; found an unknown key, nearest to length"),
             ({"beam": ""}, "[beam] length: expected a finite number, found no such key"),
@@ -198,7 +226,8 @@ class TestWingFile:
             ({"section": "GJ = 1.0\nEI_y = 2.0"},
              "[section] EI_z: expected a finite number, found no such key"),
             ({"section": f"{WING['section']}\nei_y = 1.0"}, "[section] ei_y: expected one of the "
-             "keys GJ, EI_y, EI_z, mass_per_length; found an unknown key, nearest to EI_y"),
+             "keys GJ, EI_y, EI_z, coupling_xy, coupling_xz, coupling_yz, mass_per_length, "
+             "inertia, center_of_mass, stiffness, xi; found an unknown key, nearest to EI_y"),
             ({"section": "GJ = -1.0\nEI_y = 2.0\nEI_z = 3.0"},
              "[section] GJ: expected a number above zero, found -1.0"),
         ],
@@ -261,6 +290,252 @@ class TestWingFile:
         path = tmp_path / "no.toml"
         with pytest.raises(FileNotFoundError, match=re.escape(f"{path}: expected a readable file")):
             load_beam(path)
+
+
+def matrices(section, *stations):
+    return [section.stiffness(xi).full() for xi in stations]
+
+
+class TestSectionTable:
+    def test_rigidities_and_couplings_make_a_full_stiffness(self, wing):
+        text = f"{WING['section']}\ncoupling_xy = 0.1\ncoupling_xz = -0.2\ncoupling_yz = 0.3"
+        (found,) = matrices(load_beam(wing(section=text)).section, 0.5)
+        expected = [[1, 0.1, -0.2], [0.1, 2, 0.3], [-0.2, 0.3, 3]]
+        np.testing.assert_array_equal(found, expected)
+
+    def test_lists_hold_a_value_for_each_interval(self, wing):
+        text = """
+            xi = [0, 0.3, 0.7, 1]
+            GJ = [1.0, 2.0, 3.0]
+            EI_y = 2.0
+            EI_z = [4, 5, 6]
+            coupling_xy = [0.1, 0, 0.2]
+            mass_per_length = [1.0, 0, 0.5]
+            inertia = [[[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+                       [[2, 0, 0], [0, 1, 0], [0, 0, 1]], [[3, 0, 0], [0, 1, 0], [0, 0, 1]]]
+            center_of_mass = [[0, 0.1, 0], [0, 0.2, 0], [0, 0.3, 0]]
+        """
+        beam = load_beam(wing(section=text))
+        section = beam.section
+        assert section.breaks == beam.breaks == (0.3, 0.7)
+        for k, xi in enumerate((0.1, 0.5, 0.9)):
+            c = [0.1, 0, 0.2][k]
+            expected = [[k + 1, c, 0], [c, 2, 0], [0, 0, k + 4]]
+            np.testing.assert_array_equal(section.stiffness(xi).full(), expected)
+            assert section.mass_at(xi) == [1.0, 0, 0.5][k]
+            assert section.inertia(xi)[0][0] == k + 1
+            assert float(section.center_of_mass_at(xi)[1]) == [0.1, 0.2, 0.3][k]
+
+    def test_a_full_stiffness_may_have_axial_strain_and_differ_by_interval(self, wing):
+        full = np.diag([1e6, 1.0, 2.0, 3.0])
+        full[0, 1] = full[1, 0] = 500.0
+        plain = np.diag([4.0, 5.0, 6.0])
+        section = load_beam(wing(section=f"stiffness = {full.tolist()}")).section
+        (found,) = matrices(section, 0.5)
+        np.testing.assert_array_equal(found, condense_axial(full))
+        both = f"xi = [0, 0.5, 1]\nstiffness = [{full.tolist()}, {plain.tolist()}]"
+        found = matrices(load_beam(wing(section=both)).section, 0.2, 0.8)
+        np.testing.assert_array_equal(found, [condense_axial(full), plain])
+
+    def test_bodies_are_read_in_order(self, wing):
+        bodies = [
+            "xi = 0.5\nmass = 2.0",
+            "xi = 1.0\nmass = 1.0\noffset = [0, 0.1, 0]\n"
+            "inertia = [[1, 0, 0], [0, 2, 0], [0, 0, 3]]",
+        ]
+        beam = load_beam(wing(bodies=bodies))
+        assert [(body.xi, body.mass) for body in beam.bodies] == [(0.5, 2.0), (1.0, 1.0)]
+        np.testing.assert_array_equal(beam.bodies[1].offset.full().ravel(), [0, 0.1, 0])
+        np.testing.assert_array_equal(np.diag(beam.bodies[1].inertia), [1, 2, 3])
+        assert beam.breaks == (0.5,)
+
+    @pytest.mark.parametrize(
+        ("section", "message"),
+        [
+            ("EI_y = 1\nEI_z = 1\nGJ = [1, 2]", "GJ: expected a finite number, found [1, 2]"),
+            ("xi = [0, 0.5, 1]\nGJ = [1, 2, 3]\nEI_y = 1\nEI_z = 1",
+             "GJ: expected a finite number or a list of 2 of these, one for each interval of xi, "
+             "found [1, 2, 3]"),
+            ("xi = [0, 0.5]\nGJ = [1]\nEI_y = 1\nEI_z = 1",
+             "xi: expected increasing stations that cover 0 to 1, found [0.0, 0.5]"),
+            ("xi = [0, 0.6, 0.5, 1]\nGJ = [1, 1, 1]\nEI_y = 1\nEI_z = 1",
+             "xi: expected increasing stations that cover 0 to 1, found [0.0, 0.6, 0.5, 1.0]"),
+            ("xi = 0.5\nGJ = 1\nEI_y = 1\nEI_z = 1",
+             "xi: expected a list of finite numbers, found 0.5"),
+            ("xi = [0, 0.5, 1]\nGJ = [1, -2]\nEI_y = 1\nEI_z = 1",
+             "GJ at xi = 0.75: expected a number above zero, found -2.0"),
+            ("xi = [0, 0.5, 1]\nGJ = 1\nEI_y = 1\nEI_z = 1\nmass_per_length = [1, -1]",
+             "mass_per_length at xi = 0.75: expected a number not below zero, found -1.0"),
+            ("GJ = 1\nEI_y = 1\nEI_z = 1\nmass_per_length = -1",
+             "mass_per_length: expected a number above zero, found -1.0"),
+            ("GJ = 1\nEI_y = 1\nEI_z = 1\ncoupling_xy = 2",
+             "stiffness at xi = 0.5: expected a positive definite matrix, found "),
+            ("GJ = 1\nEI_y = 1\nEI_z = 1\nxi = [0, 0.5, 1]\ncoupling_xy = [0, 2]",
+             "stiffness at xi = 0.75: expected a positive definite matrix, found "),
+            ("GJ = 1\nEI_y = 1\nEI_z = 1\ninertia = [[1, 1, 0], [0, 1, 0], [0, 0, 1]]",
+             "inertia: expected a symmetric matrix, found "),
+            ("stiffness = [[1, 2, 0], [0, 1, 0], [0, 0, 1]]",
+             "stiffness: expected a symmetric matrix, found "),
+            ("stiffness = [[1, 0, 0], [0, -1, 0], [0, 0, 1]]",
+             "stiffness: expected a positive definite matrix, found "),
+            ("stiffness = [[1, 0], [0, 1]]", "stiffness: expected 3 rows of 3 finite numbers or "
+             "4 rows of 4 finite numbers, found [[1, 0], [0, 1]]"),
+            ("xi = [0, 0.5, 1]\nstiffness = [[[1, 0, 0], [0, 1, 0], [0, 0, 1]],"
+             " [[1, 2, 0], [2, 1, 0], [0, 0, 1]]]",
+             "stiffness at xi = 0.75: expected a positive definite matrix, found "),
+            ("GJ = 1\nEI_y = 1\nstiffness = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
+             "expected GJ, EI_y, EI_z and couplings, or stiffness, found stiffness and GJ, EI_y"),
+            ("GJ = 1\nEI_y = 1\nEI_z = 1\nmass_per_lenght = 1",
+             "mass_per_lenght: expected one of the keys GJ, EI_y, EI_z, "),
+        ],
+    )  # fmt: skip
+    def test_a_wrong_section_is_named(self, wing, section, message):
+        refused(wing(section=section), f"[section] {message}")
+
+    @pytest.mark.parametrize(
+        ("body", "message"),
+        [
+            ("mass = 1", "xi: expected a finite number, found no such key"),
+            ("xi = 1.2\nmass = 1", "xi: expected a number in [0, 1], found 1.2"),
+            ("xi = 1\nmass = -1", "mass: expected a number not below zero, found -1.0"),
+            ("xi = 1\nmass = 1\noffset = 0.1", "offset: expected 3 finite numbers, found 0.1"),
+            ("xi = 1\nmas = 1", "mas: expected one of the keys xi, mass, inertia, offset; "
+             "found an unknown key, nearest to mass"),
+        ],
+    )  # fmt: skip
+    def test_a_wrong_body_is_named_by_its_number(self, wing, body, message):
+        refused(wing(bodies=["xi = 0.5\nmass = 1", body]), f"[bodies 2] {message}")
+
+    def test_bodies_are_an_array(self, wing):
+        refused(wing(bodies="xi = 1\nmass = 1"), "bodies: expected tables, found {")
+
+
+class TestLoads:
+    def test_every_type_becomes_its_load(self, wing):
+        file = load_wing(wing(loads=[
+            'type = "gravity"\nacceleration = [0, 0, -9.81]',
+            'type = "point_force"\nxi = 1\nforce = [1, 2, 3]\nframe = "follower"\n'
+            "offset = [0, 0.1, 0]",
+            'type = "point_moment"\nxi = 0.5\nmoment = [4, 5, 6]\nframe = "body"',
+            'type = "distributed_force"\nforce = [7, 8, 9]',
+            'type = "distributed_moment"\nxi = [0, 0.4, 1]\nmoment = [[1, 0, 0], [2, 0, 0]]',
+        ]))  # fmt: skip
+        gravity, force, moment, spread, twist = file.loads
+        kinds = [Gravity, PointForce, PointMoment, DistributedForce, DistributedMoment]
+        assert [type(load) for load in file.loads] == kinds
+        assert [load.frame for load in file.loads[1:]] == [
+            "follower", "body", "dead", "dead"
+        ]  # fmt: skip
+        vectors = [gravity.acceleration, force.force, force.offset, moment.moment, spread.force]
+        np.testing.assert_array_equal(
+            [vector.full().ravel() for vector in vectors],
+            [[0, 0, -9.81], [1, 2, 3], [0, 0.1, 0], [4, 5, 6], [7, 8, 9]],
+        )
+        assert (force.xi, moment.xi) == (1, 0.5)
+        assert twist.moment.breaks == (0.4,)
+        assert [twist.moment(xi) for xi in (0.2, 0.8)] == [[1, 0, 0], [2, 0, 0]]
+
+    def test_a_beam_is_read_from_a_file_with_loads(self, wing):
+        path = wing(loads=['type = "point_force"\nxi = 1\nforce = [1, 2, 3]'])
+        assert load_beam(path).length == 2.0
+        assert load_wing(wing()).loads == ()
+
+    @pytest.mark.parametrize(
+        ("load", "message"),
+        [
+            ("xi = 1", "type: expected one of gravity, point_force, point_moment, "
+             "distributed_force, distributed_moment, found no such key"),
+            ('type = "force"', "type: expected one of gravity, point_force, point_moment, "
+             "distributed_force, distributed_moment, found 'force'"),
+            ('type = "gravity"', "acceleration: expected 3 finite numbers in m/s², "
+             "found no such key"),
+            ('type = "point_force"\nforce = [0, 0, 1]',
+             "xi: expected a finite number, found no such key"),
+            ('type = "point_force"\nxi = 1.5\nforce = [0, 0, 1]',
+             "xi: expected a number in [0, 1], found 1.5"),
+            ('type = "point_force"\nxi = 1\nforce = [0, 1]',
+             "force: expected 3 finite numbers in N, found [0, 1]"),
+            ('type = "point_force"\nxi = 1\nforce = [0, 0, 1]\nframe = "fixed"',
+             "frame: expected one of 'dead', 'follower', 'body'; found 'fixed'"),
+            ('type = "point_moment"\nxi = 1\nmoments = [0, 0, 1]',
+             "moments: expected one of the keys type, xi, moment, frame; found an unknown key, "
+             "nearest to moment"),
+            ('type = "distributed_force"\nxi = [0, 0.5, 1]\nforce = [[0, 0, 1]]',
+             "force: expected 3 finite numbers in N/m or a list of 2 of these, one for each "
+             "interval of xi, found [[0, 0, 1]]"),
+            ('type = "distributed_moment"\nxi = [0.5, 1]\nmoment = [[0, 0, 1]]',
+             "xi: expected increasing stations that cover 0 to 1, found [0.5, 1.0]"),
+        ],
+    )  # fmt: skip
+    def test_a_wrong_load_is_named_by_its_number(self, wing, load, message):
+        refused(wing(loads=[load]), f"[loads 1] {message}", load_wing)
+        refused(wing(loads=[load]), f"[loads 1] {message}", load_beam)
+
+
+class TestLoadedWings:
+    def test_the_loaded_sample_is_the_published_wing_with_a_pod(self):
+        file, bare = load_wing(EXAMPLES / "hale_wing_loaded.toml"), load_beam(HALE_WING)
+        q = np.linspace(-0.04, 0.05, 9)
+        without = replace(file.beam, bodies=())
+        # The same numbers by the same code.
+        np.testing.assert_array_equal(
+            shape_map(without, q).positions.full(), shape_map(bare, q).positions.full()
+        )
+        assert [body.mass for body in file.beam.bodies] == [2.0]
+        found = solve_equilibrium(file.beam, file.loads)
+        weight = 9.81 * (16 * 0.75 + 2.0)
+        force = root_wrench(file.beam, found.q, file.loads).full().ravel()[3:]
+        # Follower lift of 358.4 N in all, tilted by 16 degrees in the mean at most: cos 16° = 0.96.
+        assert 0.96 * 358.4 - weight < -force[2] < 358.4 - weight
+
+    def test_a_pazy_like_file_gives_the_equilibrium_of_the_published_data(self, tmp_path):
+        """Case 09 (C. Riso, C.E.S. Cesnik, doi 10.2514/1.C036869) written as TOML."""
+        data = json.loads((REFERENCE / "09_pazy_beam_model.json").read_text())["geometry"]
+        skin, nodes = data["skin0"], np.array(data["node_y"])
+        xi, length = (nodes / nodes[-1]).tolist(), float(nodes[-1])
+        k = skin["stiffness_per_element"]
+        stiffness = [
+            [[k[f"K{min(i, j)}{max(i, j)}"][e] for j in range(1, 5)] for i in range(1, 5)]
+            for e in range(len(xi) - 1)
+        ]
+        bodies = [
+            f"[[bodies]]\nxi = {x}\nmass = {mass}\n"
+            for x, mass in zip(xi, skin["inertia_per_node"]["mass"], strict=True)
+        ]
+        path = tmp_path / "pazy.toml"
+        path.write_text(
+            f"[beam]\nlength = {length}\n[basis]\n"
+            'torsion = { family = "legendre", n = 4 }\n'
+            'out_of_plane = { family = "legendre", n = 6 }\n'
+            'in_plane = { family = "legendre", n = 3 }\n'
+            '[grid]\nkind = "lobatto"\nelements = 15\n'
+            f"[section]\nxi = {xi}\nstiffness = {stiffness}\n" + "".join(bodies) +
+            '[[loads]]\ntype = "gravity"\nacceleration = [0, 0, -9.80665]\n'
+            '[[loads]]\ntype = "point_force"\nxi = 1\nforce = [0, 0, -10]\n'
+            "offset = [0, -0.005839, 0]\n"
+        )  # fmt: skip
+        file = load_wing(path)
+        condensed = skin["condensed_3x3_Kx_Ky_Kz_per_element"]
+        centres = [(a + b) / 2 for a, b in pairwise(xi)]
+        # The published file prints ten digits.
+        np.testing.assert_allclose(
+            matrices(file.beam.section, *centres), condensed, rtol=1e-8, atol=1e-9
+        )
+        found = solve_equilibrium(file.beam, file.loads)
+        by_hand = replace(
+            file.beam, section=Section.from_stiffness(Steps(xi, condensed)), bodies=()
+        )
+        loads = [
+            PointForce(xi=x, force=[0, 0, -9.80665 * mass])
+            for x, mass in zip(xi, skin["inertia_per_node"]["mass"], strict=True)
+        ]
+        tip = PointForce(xi=1.0, force=[0, 0, -10], offset=[0, -0.005839, 0])
+        expected = solve_equilibrium(by_hand, [*loads, tip])
+        # Stiffnesses of ten digits, and residuals of 1e-11.
+        np.testing.assert_allclose(
+            found.shape.tip.position.full(), expected.shape.tip.position.full(), atol=1e-8 * length
+        )
+        assert float(found.shape.tip.position[2]) < -0.1 * length
 
 
 class TestWeightFile:

@@ -11,19 +11,16 @@ in the number of elements. In equilibrium r(q) = S q − Q(q) = 0, S the stiffne
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from curvcasadi import chain, element, kinematics
+from curvcasadi import chain, kinematics, virtual_work
 from curvcasadi.beam import Beam
-from curvcasadi.chain import Pattern
 from curvcasadi.expressions import AnyExpr, expression, same_kind
-from curvcasadi.lie import so3
-from curvcasadi.loads import WrenchFormula, loaded_mesh, station_loads
+from curvcasadi.loads import loaded_mesh, station_loads
 from curvcasadi.section import Section
 
 #: Gauss points per panel beyond the number of basis functions, for bases that are not polynomial.
@@ -164,11 +161,12 @@ def parameter_slopes(
     beam_chain = chain.build(beam, mesh.stations.tolist(), boundaries=mesh.stations)
     root = ca.veccat(beam.root.rotation, beam.root.position)
     states = kinematics.jacobian_states(beam_chain, q, root)
+    n, m = beam.basis.n, parameters.numel()
     residual = ca.jacobian(stiffness_matrix(beam) @ q, parameters)
-    wrench = ca.DM.zeros(6, parameters.numel())
+    wrench = ca.DM.zeros(6, m)
     for state, acting in zip(states, station_loads(beam, loads, mesh, attitude), strict=True):
         for formula, data in acting:
-            slope_of = _wrench_by_data(formula, data.numel(), parameters.numel(), beam.basis.n)
+            slope_of = virtual_work.wrench_by_data(formula, data.numel(), m, n)
             work, part = slope_of(state, data, ca.densify(ca.jacobian(data, parameters)))
             residual, wrench = residual - work, wrench + part
     return residual, wrench
@@ -195,18 +193,19 @@ def _passes(
     root = ca.veccat(beam.root.rotation, beam.root.position)
     if tangent:
         states = kinematics.jacobian_states(beam_chain, q, root)
-        inward = _inward_tangent(pattern)
+        inward = virtual_work.inward_tangent(pattern)
         outboard = [ca.DM.zeros(6), ca.DM.zeros(6, n)]
         forces = [ca.DM.zeros(n), ca.DM.zeros(n, n)]
     else:
         states = beam_chain.march(chain.pose_step(pattern), root, q)
-        inward = _inward(pattern)
+        inward = virtual_work.inward(pattern)
         outboard, forces = [ca.DM.zeros(6)], [ca.DM.zeros(n)]
     columns = n if tangent else None
     for k in reversed(range(len(states))):
         for formula, values in data[k]:
-            wrench = _station_wrench(formula, values.numel(), columns)(states[k], values)
-            outboard = [a + b for a, b in zip(outboard, _outputs(wrench), strict=True)]
+            wrench_at = virtual_work.station_wrench(formula, values.numel(), columns)
+            wrench = _outputs(wrench_at(states[k], values))
+            outboard = [a + b for a, b in zip(outboard, wrench, strict=True)]
         if k:
             crossed = inward(q, states[k - 1], beam_chain.data[k - 1], *outboard, *forces)
             forces = [*_outputs(crossed)]
@@ -216,100 +215,3 @@ def _passes(
 def _outputs(results: Any) -> tuple[AnyExpr, ...]:
     """Outputs of a call as a tuple, also a single one."""
     return results if isinstance(results, tuple) else (results,)
-
-
-@lru_cache(maxsize=256)
-def _station_wrench(formula: WrenchFormula, size: int, columns: int | None) -> ca.Function:
-    """(state, data) -> wrench; given `columns` of sums in the state, its derivatives, too.
-
-    A motion [A; B] of the station turns R by [A×] and moves p by B + A × p.
-    """
-    state = ca.SX.sym("state", 12 + 6 * (columns or 0))
-    data = ca.SX.sym("data", size)
-    rotation, position = chain.unpack_pose(state)
-    wrench = formula(rotation, position, data)
-    if columns is None:
-        return ca.Function("station_wrench", [state, data], [wrench], {"cse": True})
-    a, b = kinematics.unpack_sums(state)
-    by_pose = ca.jacobian(wrench, state[:12])
-    turned = ca.vertcat(*(-so3.hat(rotation[:, k]) @ a for k in range(3)))
-    moved = b - so3.hat(position) @ a
-    slope = by_pose @ ca.vertcat(turned, moved)
-    return ca.Function("station_wrench_tangent", [state, data], [wrench, slope], {"cse": True})
-
-
-@lru_cache(maxsize=256)
-def _wrench_by_data(formula: WrenchFormula, size: int, m: int, n: int) -> ca.Function:
-    """(state with sums, data, d data (size, m)) -> [A; B]ᵀ ∂W (n, m), ∂W (6, m)."""
-    state, data = ca.SX.sym("state", 12 + 6 * n), ca.SX.sym("data", size)
-    d_data = ca.SX.sym("d_data", size, m)
-    wrench = formula(*chain.unpack_pose(state), data)
-    slope = ca.densify(ca.jacobian(wrench, data)) @ d_data
-    work = ca.vertcat(*kinematics.unpack_sums(state)).T @ slope
-    return ca.Function("wrench_by_data", [state, data, d_data], [work, slope], {"cse": True})
-
-
-@lru_cache(maxsize=64)
-def _inward(pattern: Pattern) -> ca.Function:
-    """(q, state at the start, data, outboard wrench, Q) -> Q of this element and all outboard."""
-    symbols = chain.interval(pattern)
-    state, wrench, total = (ca.SX.sym(*s) for s in (("state", 12), ("wrench", 6), ("Q", pattern.n)))
-    by_moments = element.strain_force(
-        symbols.h,
-        symbols.moments,
-        _to_local(state, wrench),
-        pattern.rule,
-        pattern.exponential,
-        pattern.degree,
-    )
-    return ca.Function(
-        "element_force",
-        [symbols.q, state, symbols.data, wrench, total],
-        [total + symbols.directions[:, : pattern.n].T @ by_moments],
-        {"cse": True},
-    )
-
-
-@lru_cache(maxsize=64)
-def _inward_tangent(pattern: Pattern) -> ca.Function:
-    """(q, state with sums, data, wrench, d wrench, Q, dQ) -> Q, dQ.
-
-    With V = [A; B] at the element's start T, the outboard wrench W, and τ(h, M; w) the element's
-    `strain_force` of the local wrench w = Ad(T)ᵀ W, linear in w:
-
-        dτ = (∂τ/∂w) Ad(T)ᵀ (dW + C(W) V) + (∂τ/∂(h, M)) d(h, M),      C(W) V = ad(V)ᵀ W
-
-    the partial derivatives by AD of one element.
-    """
-    n = pattern.n
-    symbols = chain.interval(pattern)
-    state = ca.SX.sym("state", 12 + 6 * n)
-    wrench, d_wrench = ca.SX.sym("wrench", 6), ca.SX.sym("d_wrench", 6, n)
-    total, slope = ca.SX.sym("Q", n), ca.SX.sym("dQ", n, n)
-    directions = symbols.directions[:, :n]
-    angular, linear = kinematics.unpack_sums(state)
-    moment, force = so3.hat(wrench[:3]), so3.hat(wrench[3:])
-    carried = ca.vertcat(moment @ angular + force @ linear, force @ angular)
-    by_moments, by_wrench, by_interval = element.strain_force_with_derivatives(
-        symbols.h,
-        symbols.moments,
-        _to_local(state, wrench),
-        pattern.rule,
-        pattern.exponential,
-        pattern.degree,
-    )
-    d_by_moments = by_wrench @ _to_local(state, d_wrench + carried) + by_interval @ directions
-    return ca.Function(
-        "element_force_tangent",
-        [symbols.q, state, symbols.data, wrench, d_wrench, total, slope],
-        [total + directions.T @ by_moments, slope + directions.T @ d_by_moments],
-        {"cse": True},
-    )
-
-
-def _to_local(state: ca.SX, wrench: ca.SX) -> ca.SX:
-    """Ad(T)ᵀ W: wrenches (6, columns) about the parent origin, to the axes and origin of T."""
-    rotation, position = chain.unpack_pose(state)
-    moment, force = wrench[:3, :], wrench[3:, :]
-    at_station = moment - so3.hat(position) @ force
-    return ca.vertcat(rotation.T @ at_station, rotation.T @ force)

@@ -195,6 +195,23 @@ def test_load_factor_scales_the_airloads(right):
     assert found.load_steps > 1 and found.load_factor == 1
 
 
+def test_equilibrium_in_a_stream_is_differentiable_by_its_speed(wing):
+    beam = wing(10, kind="lobatto", section=SECTION, root=RIGHT_WING_ROOT)
+    strips = StripAerodynamics(chord=1.0, aerodynamic_center=0.25, lift_slope=6.0)
+
+    def loads(speed):
+        flow = Flow(density=0.09, velocity=ca.vertcat(speed, 0, 0.05 * speed))
+        return [AerodynamicLoad(strips=strips, flow=flow), cc.Gravity([0, 0, 9.81])]
+
+    speed = ca.MX.sym("speed")
+    equilibrium = cc.equilibrium_function(beam, loads(speed), {"speed": speed})
+    guess = cc.solve_equilibrium(beam, loads(25.0)).q
+    slope = ca.Function("slope", [speed], [ca.jacobian(equilibrium(guess, speed), speed)])(25.0)
+    ends = [cc.solve_equilibrium(beam, loads(v), guess).q for v in (25.001, 24.999)]
+    # Central differences over a step of 1e-3: its square, and rounding of the equilibria over it.
+    assert_allclose(slope, (ends[0] - ends[1]) / 0.002, atol=1e-6 * float(ca.norm_inf(slope)))
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [

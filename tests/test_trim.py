@@ -250,6 +250,8 @@ def test_sweep_is_a_row_of_trims_and_a_table(level):
         ({"objective": "cost"}, "objective"),
         ({"objective": TipHeight(wing="middle", height=1)}, "TipHeight.wing"),
         ({"hessian": "none", "objective": "drag"}, "hessian"),
+        ({"inputs": {"thrust": float("nan")}}, r"inputs\['thrust'\]"),
+        ({"guess": 1}, "guess"),
     ],
 )
 def test_bad_arguments_are_named(arguments, message):
@@ -260,3 +262,15 @@ def test_bad_arguments_are_named(arguments, message):
 def test_more_free_inputs_than_balances_need_an_objective():
     with pytest.raises(ValueError, match="or give an objective"):
         trim(aircraft(FLAP), **AIR)
+
+
+def test_names_of_inputs_and_angles_differ():
+    with pytest.raises(ValueError, match="names of wings and inputs"):
+        trim(aircraft(replace(FLAP, name="pitch")), **AIR)
+
+
+def test_failed_trim_of_a_wing_without_bounds_says_what_failed():
+    plain = aircraft()
+    wings = tuple(replace(w, beam=replace(w.beam, weight_bounds=None)) for w in plain.beams)
+    with pytest.raises(cc.ConvergenceError, match="force along z"):
+        trim(replace(plain, beams=wings), speed=8.0, density=0.0889)

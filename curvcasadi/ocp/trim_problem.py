@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal, TypeAlias
 
 import casadi as ca
@@ -28,6 +29,8 @@ BALANCES = (
 )
 #: Those that no motion within the plane of symmetry disturbs.
 LATERAL = (1, 3, 5)
+#: What counts as zero, in the scales of `TrimProblem`.
+TOLERANCE = 1e-8
 #: What the balances and objectives take beside the unknowns.
 PARAMETERS = ("speed", "density", "gravity", "sine_of_path", "weight")
 
@@ -62,6 +65,12 @@ class TrimProblem:
     def __init__(self, aircraft: Aircraft) -> None:
         self.aircraft = aircraft
         self.names = (*ANGLES, *aircraft.inputs)
+        wings = [wing.name for wing in aircraft.beams]
+        if len({*self.names, *wings}) < len(self.names) + len(wings):
+            raise ValueError(
+                f"aircraft: expected names of wings and inputs other than {', '.join(ANGLES)}, "
+                f"each once; found {', '.join((*wings, *aircraft.inputs))}"
+            )
         self.sizes = [wing.beam.basis.n for wing in aircraft.beams]
         lengths = [numeric_length(wing.beam, "trim") for wing in aircraft.beams]
         self.length = max(lengths, default=1.0)
@@ -82,7 +91,7 @@ class TrimProblem:
         scale = [weight if units.get(name) == "N" else 1.0 for name in self.names]
         named = {name: x[i] * scale[i] for i, name in enumerate(self.names)}
         edges = np.cumsum([0, *self.sizes]).tolist()
-        for wing, a, b in zip(self.aircraft.beams, edges, edges[1:], strict=False):
+        for wing, (a, b) in zip(self.aircraft.beams, pairwise(edges), strict=True):
             named[wing.name] = x[count + a : count + b] / self.length
         return named
 

@@ -9,8 +9,10 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.aero import StripForces
+from curvcasadi.beam import Beam
 from curvcasadi.expressions import Array
-from curvcasadi.shape import Shape
+from curvcasadi.ocp.trim_problem import BALANCES, LATERAL, TOLERANCE, TrimProblem
+from curvcasadi.shape import Shape, curvature, poses, shape_map
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -64,3 +66,50 @@ def trim_table(results: Sequence[TrimResult]) -> str:
     lines = ["  ".join(key.rjust(width) for key, width in widths.items())]
     lines += ["  ".join(row[key].rjust(width) for key, width in widths.items()) for row in rows]
     return "\n".join(lines)
+
+
+def wing_shape(beam: Beam, q: ca.DM, trimmed: bool) -> Shape:
+    """Shape of a wing; of a failed trim without the checks, which would hide the failure."""
+    if trimmed:
+        return shape_map(beam, q)
+    stations = beam.stations
+    return Shape(
+        stations=stations,
+        poses=tuple(poses(beam, q, stations.tolist())),
+        curvatures=ca.horzcat(*(curvature(beam, q, xi) for xi in stations)),
+    )
+
+
+def active_bounds(problem: TrimProblem, x: Array, bounds: tuple[Array, Array]) -> tuple[str, ...]:
+    """Bounds that hold a free angle, input or weight."""
+    names = [*problem.names]
+    for wing in problem.aircraft.beams:
+        names += [f"{wing.name} q[{i}] ({label})" for i, label in enumerate(wing.beam.basis.labels)]
+    active = []
+    for name, value, low, high in zip(names, x, *bounds, strict=True):
+        if low < high and value - low < 1e-5 * max(1.0, abs(low)):
+            active.append(f"{name} at its lower bound")
+        elif low < high and high - value < 1e-5 * max(1.0, abs(high)):
+            active.append(f"{name} at its upper bound")
+    return tuple(active)
+
+
+def failure_message(
+    balances: Array, scales: Array, unsettled: list[str], active: tuple[str, ...]
+) -> str:
+    """Which balances are missed, the worst first, and what holds them; empty if none is."""
+    misses = []
+    for k in np.argsort(-np.abs(balances)):
+        if abs(balances[k]) > TOLERANCE:
+            left = f"{balances[k] * scales[k]:.4g} {'N' if k < 3 else 'N m'}"
+            part = f" ({100 * abs(balances[k]):.2g} % of the weight)" if k < 3 else ""
+            misses.append(f"{BALANCES[k]} is left with {left}{part}")
+    misses += [f"wing {name} is out of equilibrium" for name in unsettled]
+    if not misses:
+        return ""
+    text = "; ".join(misses)
+    if active:
+        text += f"; held by bounds: {', '.join(active)}"
+    elif any(abs(balances[k]) > TOLERANCE for k in LATERAL):
+        text += "; free sideslip and roll by `free`, with inputs that turn the aircraft"
+    return text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -16,17 +17,15 @@ from curvcasadi.ocp.trim_problem import (
     ANGLES,
     BALANCES,
     LATERAL,
+    TOLERANCE,
     Hessian,
     Objective,
     TrimProblem,
     at_root,
     bounds_of,
 )
-from curvcasadi.ocp.trim_result import TrimResult
-from curvcasadi.shape import shape_map
+from curvcasadi.ocp.trim_result import TrimResult, active_bounds, failure_message, wing_shape
 
-#: What counts as zero, in the scales of `TrimProblem`.
-TOLERANCE = 1e-8
 #: What Newton's method leaves as it is.
 _ROUNDING = 1e-13
 #: Largest change of a scaled unknown in one of Newton's steps, and their number.
@@ -69,8 +68,7 @@ class TrimSolver:
         """The trim of one case."""
         p = self._parameters(case)
         lower, upper = self._bounds(case, p[-1])
-        start = np.zeros(len(lower)) if guess is None else guess.unknowns
-        start = np.clip(start, lower, upper)
+        start = np.clip(self._start(guess), lower, upper)
         x, iterations = self._newton(case, start, p, lower, upper)
         converged = self._missed(case, x, p) <= TOLERANCE
         if not converged:
@@ -89,6 +87,14 @@ class TrimSolver:
         if throw and not result.trimmed:
             raise ConvergenceError(result.message, result)
         return result
+
+    def _start(self, guess: TrimResult | None) -> Array:
+        size = self.problem.x.shape[0]
+        if guess is None:
+            return np.zeros(size)
+        if not isinstance(guess, TrimResult) or len(guess.unknowns) != size:
+            raise ValueError("guess: expected a TrimResult of the same aircraft, found another")
+        return guess.unknowns
 
     def _newton(
         self, case: Case, x: Array, p: Array, lower: Array, upper: Array
@@ -122,18 +128,23 @@ class TrimSolver:
         path = 0.0 if case.flight_path is None else case.flight_path
         path = float(expression("flight_path", path, (1, 1)))
         p = np.array([speed, density, gravity, np.sin(path), 1.0])
-        empty = np.array([speed, 0.0, gravity, 0.0, 1.0])
-        balances, *_ = self._evaluate(np.zeros(self.problem.x.shape[0]), empty)
-        p[-1] = float(balances[2])
+        unknown = np.zeros(self.problem.x.shape[0])
+        heavy, weightless = (
+            self._evaluate(unknown, np.array([speed, 0.0, g, 0.0, 1.0]))[0] for g in (gravity, 0.0)
+        )
+        p[-1] = float(heavy[2] - weightless[2])
         return p
 
     def _bounds(self, case: Case, weight: float) -> tuple[Array, Array]:
         """Scaled bounds; held unknowns have the same on both sides."""
         problem, (lower, upper) = self.problem, bounds_of(self.problem)
         units = problem.aircraft.inputs
-        sides = {name: (float(v), float(v)) for name, v in case.inputs.items()}
-        for name in case.inputs:
-            choice("inputs", name, tuple(units))
+        sides = {}
+        for name, value in case.inputs.items():
+            held = float(
+                expression(f"inputs[{choice('inputs', name, tuple(units))!r}]", value, (1, 1))
+            )
+            sides[name] = (held, held)
         for name in case.free:
             choice("free", name, ("sideslip", "roll"))
         sides |= {name: (0.0, 0.0) for name in ("sideslip", "roll") if name not in case.free}
@@ -201,15 +212,17 @@ class TrimSolver:
         q = {wing.name: found[wing.name] for wing in aircraft.beams}
         on_body = ca.horzsplit(wrenches)[len(problem.rigid) :]
         scales = p[-1] * np.repeat([1.0, problem.arm], 3)
-        active = _active(problem, x, bounds)
+        active = active_bounds(problem, x, bounds)
         edges = np.cumsum([1, *problem.sizes])
         left = {
             wing.name: float(np.max(np.abs(residuals.full()[a:b])) * p[-1] * problem.length**2)
-            for wing, a, b in zip(aircraft.beams, edges, edges[1:], strict=False)
+            for wing, (a, b) in zip(aircraft.beams, pairwise(edges), strict=True)
         }
         missed = self._missed(case, x, p)
         unsettled = [n for n, r in left.items() if r > TOLERANCE * p[-1] * problem.length**2]
-        message = _message(case, balances.full().ravel(), scales, unsettled, active)
+        failure = failure_message(balances.full().ravel(), scales, unsettled, active)
+        success = "trimmed" if converged else "trimmed, not optimal"
+        trimmed = missed <= TOLERANCE
         return TrimResult(
             speed=float(p[0]),
             **{name: named[name] for name in ANGLES},
@@ -217,7 +230,7 @@ class TrimSolver:
             inputs={name: named[name] for name in aircraft.inputs},
             input_units=dict(aircraft.inputs),
             q=q,
-            shapes={wing.name: shape_map(wing.beam, q[wing.name]) for wing in aircraft.beams},
+            shapes={w.name: wing_shape(w.beam, q[w.name], trimmed) for w in aircraft.beams},
             root_loads={
                 wing.name: at_root(wing, wrench).full().ravel()
                 for wing, wrench in zip(aircraft.beams, on_body, strict=True)
@@ -227,11 +240,11 @@ class TrimSolver:
             drag=float(drag),
             balances=dict(zip(BALANCES, (balances.full().ravel() * scales).tolist(), strict=True)),
             equilibrium_residuals=left,
-            trimmed=missed <= TOLERANCE,
+            trimmed=trimmed,
             converged=converged,
             iterations=iterations,
             active_bounds=active,
-            message=message if missed > TOLERANCE or converged else f"{message}, not optimal",
+            message=f"no trim at {p[0]:g} m/s: {failure}" if failure else success,
             unknowns=x,
         )
 
@@ -253,38 +266,3 @@ def _run(
     low, high = sides[0], sides[-1]
     solution = nlp(x0=np.clip(x, lower, upper), p=p, lbx=lower, ubx=upper, lbg=low, ubg=high)
     return np.clip(solution["x"].full().ravel(), lower, upper), nlp.stats()
-
-
-def _active(problem: TrimProblem, x: Array, bounds: tuple[Array, Array]) -> tuple[str, ...]:
-    """Bounds that hold a free angle, input or weight."""
-    names = [*problem.names]
-    for wing in problem.aircraft.beams:
-        names += [f"{wing.name} q[{i}] ({label})" for i, label in enumerate(wing.beam.basis.labels)]
-    active = []
-    for name, value, low, high in zip(names, x, *bounds, strict=True):
-        if low < high and value - low < 1e-5 * max(1.0, abs(low)):
-            active.append(f"{name} at its lower bound")
-        elif low < high and high - value < 1e-5 * max(1.0, abs(high)):
-            active.append(f"{name} at its upper bound")
-    return tuple(active)
-
-
-def _message(
-    case: Case, balances: Array, scales: Array, unsettled: list[str], active: tuple[str, ...]
-) -> str:
-    """Which balances are missed, the worst first, and what holds them."""
-    misses = []
-    for k in np.argsort(-np.abs(balances)):
-        if abs(balances[k]) > TOLERANCE:
-            left = f"{balances[k] * scales[k]:.4g} {'N' if k < 3 else 'N m'}"
-            part = f" ({100 * abs(balances[k]):.2g} % of the weight)" if k < 3 else ""
-            misses.append(f"{BALANCES[k]} is left with {left}{part}")
-    misses += [f"wing {name} is out of equilibrium" for name in unsettled]
-    if not misses:
-        return "trimmed"
-    text = f"no trim at {case.speed:g} m/s: {'; '.join(misses)}"
-    if active:
-        text += f"; held by bounds: {', '.join(active)}"
-    elif not case.free and any(abs(balances[k]) > TOLERANCE for k in LATERAL):
-        text += "; free sideslip and roll by `free`, with inputs that turn the aircraft"
-    return text

@@ -13,6 +13,7 @@ import numpy as np
 
 import curvcasadi as cc
 from benchmarks.table import Check, Table, checked
+from curvcasadi.aero import AerodynamicLoad, Flow, StripAerodynamics, strip_forces
 from curvcasadi.expressions import Array, Number
 from curvcasadi.reference_wings import hale_wing
 
@@ -250,6 +251,33 @@ def pazy_errors(rows: str) -> Iterator[float]:
         yield float(np.abs(moved[[2, 0]].T - table[:, 1:]).max() / 100)
 
 
+def smith_wing(angle: float, in_plane: float = 5e6) -> cc.Beam:
+    """The wing of case D11, x along the span, y upstream, z up; root nose-up by `angle` degrees."""
+    section = cc.Section(GJ=1e4, EI_y=2e4, EI_z=in_plane, mass_per_length=0.75)
+    return rod((5, 6, 4), section, cc.Grid.lobatto(16), 16.0, root=rolled(angle))
+
+
+def strip_load(speed: float, density: float = 0.08891) -> AerodynamicLoad:
+    """Steady strips of case D11: lift slope 2 π at the quarter chord, the curve at half chord."""
+    strips = StripAerodynamics(chord=1.0, aerodynamic_center=0.25, lift_slope=2 * np.pi)
+    return AerodynamicLoad(strips=strips, flow=Flow(density=density, wind=[0, -speed, 0]))
+
+
+@cache
+def strip_errors() -> tuple[float, float]:
+    """Case D11: tip over the semispan, and tip angle of attack, degrees; the worst of all rows."""
+    tips, angles = [], []
+    for name, row in case("D11")["reference"]["exact_strip_COMPUTED"].items():
+        beam, air = smith_wing(float(name[0])), strip_load(25.0)
+        loads = [air, cc.Gravity([0, 0, -9.754])] if name.endswith("_g") else [air]
+        found = cc.solve_equilibrium(beam, loads)
+        moved = found.shape.tip.position.full().ravel() - row["tip_xyz_wind_frame"]
+        tips.append(float(np.linalg.norm(moved)) / 16.0)
+        angle = strip_forces(beam, found.q, air).angle_of_attack.full()[0, -1]
+        angles.append(abs(float(np.degrees(angle)) - row["tip_angle_of_attack_deg"]))
+    return max(tips), max(angles)
+
+
 def _rows() -> Iterator[Row]:
     exact = "exact"
     yield Row("01 roll-up to two circles, 1 weight", exact, roll_up(), 1e-9)
@@ -270,6 +298,9 @@ def _rows() -> Iterator[Row]:
     yield Row("19 self weight, coupled, offset, 8 a channel", "two methods", offset_weight(), 3e-6)
     yield Row("20 cantilever, dead and follower force", "Kirchhoff", strain_based(), 1e-5)
     yield Row("22 partial load, over the deflection", exact, partial_load(), 3e-6)
+    moved, turned = strip_errors()
+    yield Row("D11 strip equilibrium, four rows", "exact strip", iter([moved]), 1e-4)
+    yield Row("D11 tip angle of attack, degrees", "exact strip", iter([turned]), 5e-3)
 
 
 def published() -> Table:

@@ -1,4 +1,4 @@
-"""Command line: `curvcasadi shape wing.toml --weights ... --plot out.png`."""
+"""Command line: `curvcasadi shape wing.toml --weights ... --plot out.png`, and others."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from curvcasadi import equilibrium_command
 from curvcasadi.beam import Beam
+from curvcasadi.errors import ConvergenceError
 from curvcasadi.expressions import Array
 from curvcasadi.files import load_beam, load_weights, write_shape
 from curvcasadi.lie import so3
@@ -37,17 +39,25 @@ Samples without a time are numbered 0, 1, 2, ...
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit code: 0, or 2 after an error in the input."""
+    """Run the command line; returns the exit code.
+
+    0; 2 after an error in the input; 3 if a solver did not reach what was asked for.
+    """
     arguments = _parser().parse_args(_joined(sys.argv[1:] if argv is None else argv))
     try:
         code: int = arguments.run(arguments)
         return code
+    except ConvergenceError as error:
+        return _refuse(str(error), 3)
     except OSError as error:
-        message = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+        return _refuse(f"{error.filename}: {error.strerror}" if error.filename else str(error), 2)
     except ValueError as error:
-        message = str(error)
+        return _refuse(str(error), 2)
+
+
+def _refuse(message: str, code: int) -> int:
     print(f"curvcasadi: error: {message}", file=sys.stderr)
-    return 2
+    return code
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -74,6 +84,8 @@ def _parser() -> argparse.ArgumentParser:
     shape.add_argument("--basis-plot", type=Path, metavar="FILE.png", help="basis functions")
     shape.add_argument("--half", action="store_true", help="figures without the mirror image")
     shape.set_defaults(run=_shape)
+
+    equilibrium_command.add_parser(commands)
 
     demo = commands.add_parser("demo", help="a tour of the package, written to a directory")
     demo.add_argument("--out", type=Path, metavar="DIR", default=Path("out"), help="default: out")

@@ -11,10 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from oracle import CURLED_WEIGHTS, curled_curvature
+from oracle import CURLED_WEIGHTS, curled_curvature, rotation
 from scipy.integrate import quad
 
 import curvcasadi as cc
+from curvcasadi.statics import balance, parameter_slopes, root_wrench, stiffness_matrix
 
 SECTION = cc.Section(GJ=1e4, EI_y=2e4, EI_z=4e6)
 
@@ -171,3 +172,61 @@ def test_kinds_that_do_not_mix_are_named(wing):
     beam = wing(2, section=replace(SECTION, EI_y=ca.MX.sym("EI_y")))
     with pytest.raises(ValueError, match=r"q is SX.*Beam\.section.* is MX"):
         cc.strain_energy(beam, ca.SX.sym("q", 12))
+
+
+ROOT = cc.Pose(rotation=rotation([0.3, -0.5, 1.1]), position=[1.0, -2.0, 0.5])
+
+
+def test_the_stiffness_of_the_weights_is_the_second_derivative_of_the_energy(wing):
+    beam = wing(2, section=replace(SECTION, coupling_xy=3e3, EI_z=lambda xi: 4e6 * (2 - xi)))
+    q = ca.SX.sym("q", 12)
+    hessian = ca.Function("f", [q], [ca.hessian(cc.strain_energy(beam, q), q)[0]])
+    matrix = stiffness_matrix(beam).full()
+    assert_allclose(hessian(CURLED_WEIGHTS).full(), matrix, atol=1e-14 * matrix.max())
+
+
+def test_the_root_carries_the_sum_of_all_wrenches(wing, evaluate):
+    beam = wing(8, section=SECTION, root=ROOT)
+    loads = [
+        cc.PointForce(0.5, [1.0, 2.0, 3.0], "follower", [0.1, 0.2, 0.3]),
+        cc.PointForce(0.0, [4.0, 5.0, 6.0]),
+        cc.PointMoment(1.0, [7.0, 8.0, 9.0]),
+    ]
+    middle, start = (cc.pose_at(beam, CURLED_WEIGHTS, xi) for xi in (0.5, 0.0))
+    force = (middle.rotation @ ca.DM([1, 2, 3])).full().ravel()
+    arm = (middle.position + middle.rotation @ ca.DM([0.1, 0.2, 0.3])).full().ravel()
+    moment = np.cross(arm, force) + np.cross(start.position.full().ravel(), [4, 5, 6]) + [7, 8, 9]
+    got = evaluate(lambda q: root_wrench(beam, q, loads), CURLED_WEIGHTS).ravel()
+    assert_allclose(got, [*moment, *np.add(force, [4, 5, 6])], rtol=1e-13)
+
+
+def test_the_root_carries_the_weight(wing):
+    section = replace(SECTION, mass_per_length=0.75)
+    beam = wing(8, kind="lobatto", section=section, bodies=(cc.Body(xi=0.3, mass=2),))
+    got = root_wrench(beam, CURLED_WEIGHTS, [cc.Gravity([0, 0, -10])]).full().ravel()
+    assert_allclose(got[3:], [0, 0, -10 * (0.75 * 16 + 2)], atol=1e-12)
+
+
+def test_derivatives_of_the_balance_are_those_of_ad(wing, symbolic):
+    EI_y, mass, force = symbolic.sym("EI_y"), symbolic.sym("mass"), symbolic.sym("F", 3)
+    turn = symbolic.sym("R", 3, 3)
+    section = replace(SECTION, EI_y=EI_y, mass_per_length=mass, center_of_mass=[0, 0.1, 0.2])
+    beam = wing(6, section=section, root=ROOT)
+    loads = [
+        cc.Gravity([1.0, 2.0, -9.0]),
+        cc.PointForce(0.5, force, "follower", offset=[0, 0.3, 0]),
+        cc.PointForce(1.0, force),
+        cc.PointMoment(1.0, force),
+    ]
+    q = symbolic.sym("q", 12)
+    designs = [EI_y, mass, force, turn]
+    found = balance(beam, q, loads, turn, tangent=True)
+    got = [found.residual_slope, found.wrench_slope]
+    by_ad = [ca.jacobian(x, q) for x in (found.residual, found.wrench)]
+    for symbol in designs:
+        got += parameter_slopes(beam, q, loads, symbol, turn)
+        by_ad += [ca.jacobian(x, symbol) for x in (found.residual, found.wrench)]
+    numbers = [CURLED_WEIGHTS, 2e4, 0.75, [1.0, 2.0, 3.0], rotation([0.2, 0.3, 0.4])]
+    values, expected = (ca.Function("f", [q, *designs], x)(*numbers) for x in (got, by_ad))
+    for a, b in zip(values, expected, strict=True):
+        assert_allclose(a.full(), b.full(), atol=1e-12 * max(1, np.abs(b.full()).max()))

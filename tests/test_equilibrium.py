@@ -72,6 +72,16 @@ def test_where_full_newton_steps_leave_the_branch_or_fail_it_is_followed(weights
     assert not np.abs(q - found.q.full().ravel()).max() <= 1  # NaN where Newton diverges
 
 
+@pytest.mark.parametrize("weights, force", [(3, 25), (4, 12), (4, 20)])
+def test_bounded_steps_from_a_straight_guess_stay_on_the_branch(weights, force):
+    beam = rod(weights, grid=cc.Grid.lobatto(24, max_angle=1.5))
+    loads = [cc.PointForce(1.0, force * UP)]
+    guessed = cc.solve_equilibrium(beam, loads, np.zeros(weights))
+    assert guessed.load_steps == 1
+    expected = cc.solve_equilibrium(beam, loads).q.full()
+    assert_allclose(guessed.q.full(), expected, atol=1e-8)  # full steps land 4 rad away
+
+
 def test_the_load_may_be_reached_from_any_part_of_it():
     """The same equilibrium from straight, and stepped by hand with the shape before as a guess."""
     beam, q = rod(), None

@@ -34,6 +34,26 @@ nonlinear beams for very flexible aircraft modeling") and their names here
 | segment length (section 3.1) | `elements_for` |
 """
 
+from curvcasadi.aero import (
+    AerodynamicLoad,
+    ControlSurface,
+    ExponentialTipLoss,
+    Flow,
+    StripAerodynamics,
+    StripForces,
+    mirror_aero,
+    strip_forces,
+)
+from curvcasadi.aircraft import (
+    Aircraft,
+    Flight,
+    LiftingSurface,
+    RigidBody,
+    Thrust,
+    Wing,
+    aircraft_wrench,
+    mirror_wing,
+)
 from curvcasadi.basis import ChannelBasis, VectorBasis
 from curvcasadi.beam import Beam
 from curvcasadi.control_model import ControlModel, kinematic_model
@@ -67,6 +87,9 @@ from curvcasadi.ocp.reach import ShapeResult, reach_shape
 from curvcasadi.ocp.shape_target import shape_target_function
 from curvcasadi.ocp.targets import Target
 from curvcasadi.ocp.tip_path import tip_path_step_function
+from curvcasadi.ocp.trim import trim, trim_sweep
+from curvcasadi.ocp.trim_problem import TipHeight
+from curvcasadi.ocp.trim_result import TrimResult, trim_table
 from curvcasadi.pose import Pose
 from curvcasadi.pose_function import pose_function, tip_function
 from curvcasadi.resolution import elements_for
@@ -76,10 +99,13 @@ from curvcasadi.statics import (
     equilibrium_residual,
     equilibrium_tangent,
     generalized_force,
+    root_wrench,
     strain_energy,
 )
 
 __all__ = [
+    "AerodynamicLoad",
+    "Aircraft",
     "BSpline",
     "Beam",
     "Body",
@@ -87,27 +113,40 @@ __all__ = [
     "ChannelBasis",
     "Chebyshev",
     "ControlModel",
+    "ControlSurface",
     "ConvergenceError",
     "DistributedForce",
     "DistributedMoment",
     "Equilibrium",
+    "ExponentialTipLoss",
+    "Flight",
+    "Flow",
     "Gravity",
     "Grid",
     "Layout",
     "Legendre",
+    "LiftingSurface",
     "Monomial",
     "Part",
     "PiecewiseConstant",
     "PointForce",
     "PointMoment",
     "Pose",
+    "RigidBody",
     "Section",
     "Shape",
     "ShapeResult",
     "Steps",
+    "StripAerodynamics",
+    "StripForces",
     "Tabulated",
     "Target",
+    "Thrust",
+    "TipHeight",
+    "TrimResult",
     "VectorBasis",
+    "Wing",
+    "aircraft_wrench",
     "body_jacobian",
     "body_jacobian_rate",
     "body_twist",
@@ -123,15 +162,22 @@ __all__ = [
     "kinematic_model",
     "load_beam",
     "mirror",
+    "mirror_aero",
+    "mirror_wing",
     "pose_at",
     "pose_function",
     "reach_shape",
     "rk4_step",
+    "root_wrench",
     "shape_map",
     "shape_target_function",
     "solve_equilibrium",
     "squared_element_angles",
     "strain_energy",
+    "strip_forces",
     "tip_function",
     "tip_path_step_function",
+    "trim",
+    "trim_sweep",
+    "trim_table",
 ]

@@ -14,7 +14,7 @@ from curvcasadi.errors import ConvergenceError
 from curvcasadi.expressions import AnyExpr, Array, expression
 from curvcasadi.functions import free_symbols
 from curvcasadi.shape import Shape, shape_map
-from curvcasadi.statics import equilibrium_residual, equilibrium_tangent
+from curvcasadi.statics import equilibrium_residual, equilibrium_tangent, parameter_slopes
 
 #: Residual that counts as zero, over the largest of the elastic and the applied forces.
 TOLERANCE = 1e-11
@@ -129,25 +129,24 @@ def residual_function(
 ) -> ca.Function:
     """Residual S q − Q as a Function: q, parameters … -> residual, structured derivative attached.
 
-    With respect to q the derivative is that of `equilibrium_tangent`; loads, stiffness and attitude
-    enter the two passes linearly or nearly so, and are differentiated through them.
+    The derivatives are those of `equilibrium_tangent` and, with respect to symbols in loads,
+    attitude and stiffness, of `parameter_slopes`: none goes through the chain by AD.
     """
     q = ca.MX.sym("q", beam.basis.n)
     inputs = {"q": q, **parameters}
+    for field, symbol in beam.design_symbols.items():
+        raise ValueError(f"{field}: expected numbers, found the symbol {symbol}")
     residual = equilibrium_residual(beam, q, loads, attitude)
-    for symbol in ("Beam.length", "Beam.initial_curvature", "Beam.root.rotation"):
-        if symbol in beam.design_symbols:
-            raise ValueError(f"{symbol}: expected numbers, found a symbol")
     missing = free_symbols(residual, inputs.values())
     if missing:
         raise ValueError(f"parameters: expected every symbol, missing {', '.join(missing)}")
     _, tangent = equilibrium_tangent(beam, q, loads, attitude)
-    blocks = {f"jac_residual_{key}": ca.jacobian(residual, p) for key, p in parameters.items()}
+    blocks = _parameter_blocks(beam, q, loads, parameters, attitude)
     nominal = ca.MX.sym("out_residual", residual.shape[0])
     derivative = ca.Function(
         f"jac_{name}",
         [*inputs.values(), nominal],
-        [ca.densify(tangent), *map(ca.densify, blocks.values())],
+        [ca.densify(block) for block in (tangent, *blocks.values())],
         [*inputs, "out_residual"],
         ["jac_residual_q", *blocks],
         {"cse": True},
@@ -159,6 +158,22 @@ def residual_function(
         "never_inline": True,
     }
     return ca.Function(name, [*inputs.values()], [residual], [*inputs], ["residual"], options)
+
+
+def _parameter_blocks(
+    beam: Beam,
+    q: ca.MX,
+    loads: Sequence[Any],
+    parameters: Mapping[str, AnyExpr],
+    attitude: AnyExpr | None,
+) -> dict[str, AnyExpr]:
+    """Derivatives of the residual with respect to each parameter, by the name of its output."""
+    if not parameters:
+        return {}
+    slopes, _ = parameter_slopes(beam, q, loads, ca.veccat(*parameters.values()), attitude)
+    splits = np.cumsum([0, *(symbol.numel() for symbol in parameters.values())]).tolist()
+    pieces = ca.horzsplit(slopes, splits)
+    return {f"jac_residual_{key}": piece for key, piece in zip(parameters, pieces, strict=True)}
 
 
 def _unstack(stacked: ca.MX, like: list[AnyExpr]) -> list[ca.MX]:

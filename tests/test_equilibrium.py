@@ -390,7 +390,7 @@ def test_a_parameter_that_is_not_listed_is_named():
 def test_symbols_that_shape_the_beam_are_refused(field):
     symbol = ca.MX.sym("x", *{"length": (1, 1), "initial_curvature": (3, 1)}[field])
     beam = replace(rod(), **{field: symbol})
-    with pytest.raises(ValueError, match=rf"Beam\.{field}: expected numbers, found a symbol"):
+    with pytest.raises(ValueError, match=rf"Beam\.{field}: expected numbers, found the symbol"):
         cc.equilibrium_function(beam, [cc.PointForce(1.0, UP)], {"x": symbol})
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from curvcasadi import equilibrium_command
+from curvcasadi import equilibrium_command, trim_command
 from curvcasadi.beam import Beam
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.expressions import Array
@@ -86,6 +86,7 @@ def _parser() -> argparse.ArgumentParser:
     shape.set_defaults(run=_shape)
 
     equilibrium_command.add_parser(commands)
+    trim_command.add_parser(commands)
 
     demo = commands.add_parser("demo", help="a tour of the package, written to a directory")
     demo.add_argument("--out", type=Path, metavar="DIR", default=Path("out"), help="default: out")

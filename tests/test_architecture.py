@@ -28,8 +28,9 @@ LAYERS = """
     reference_wings
     control_model integrators
     ocp estimation
-    plotting toml_table csv_table modal section_table loads_table shape_files wing_file files
-    export equilibrium_command demo
+    plotting toml_table csv_table modal section_table loads_table shape_files
+    wing_file aircraft_file files
+    export equilibrium_command trim_command demo
 """
 ORDER = {
     name: (level, place)
@@ -40,6 +41,7 @@ ORDER = {
 RIM = {
     *("plotting", "toml_table", "csv_table", "modal", "section_table", "loads_table"),
     *("shape_files", "wing_file", "files", "export", "equilibrium_command", "demo"),
+    *("aircraft_file", "trim_command"),
 }
 #: May import everything: the command line, and what makes the public names.
 EXEMPT = {"cli", "__init__", "__main__"}

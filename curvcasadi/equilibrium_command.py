@@ -100,4 +100,5 @@ def _table(beam: Beam, loads: Sequence[Any], found: Equilibrium) -> str:
 
 
 def _numbers(values: Any, form: str) -> str:
-    return " ".join(f"{value:{form}}" for value in ca.DM(values).full().ravel() + 0.0)
+    shown = [float(f"{value:{form}}") for value in ca.DM(values).full().ravel()]
+    return " ".join(f"{value + 0.0:{form}}" for value in shown)  # no minus sign before a zero

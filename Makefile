@@ -22,6 +22,10 @@ test: $(VENV)/installed-test
 benchmarks: $(VENV)/installed-test
 	$(BIN)/python -m benchmarks
 
+figures: $(VENV)/installed
+	$(BIN)/python -m docs.figures
+	$(BIN)/python -m docs.published
+
 $(VENV)/installed: pyproject.toml
 	@$(MAKE) --no-print-directory $(VENV)/bin/pip
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable .

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from curvcasadi.expressions import Array, count
+from curvcasadi.expressions import Array, count, numbers
 from curvcasadi.families import Family
 
 CHANNELS = ("torsion", "out_of_plane", "in_plane")
@@ -105,6 +105,11 @@ class VectorBasis:
 
     def __post_init__(self) -> None:
         count("VectorBasis.n", self.n)
+        if not callable(self.function):
+            raise ValueError(f"VectorBasis.function: expected a function, found {self.function!r}")
+        if not all(0 < x < 1 for x in self.breaks):
+            raise ValueError(f"VectorBasis.breaks: expected numbers in (0, 1), found {self.breaks}")
+        object.__setattr__(self, "breaks", tuple(sorted(self.breaks)))
         for xi in (0.0, 0.5, 1.0):
             self(xi)
 
@@ -113,8 +118,8 @@ class VectorBasis:
         return tuple(f"coupled: {k}" for k in range(self.n))
 
     def __call__(self, xi: float) -> Array:
-        phi = np.asarray(self.function(xi), dtype=float)
-        if phi.shape != (3, self.n) or not np.all(np.isfinite(phi)):
+        phi = numbers(f"VectorBasis.function at xi = {xi}", self.function(xi))
+        if phi.shape != (3, self.n):
             raise ValueError(
                 f"VectorBasis.function: expected finite (3, {self.n}) at xi = {xi}, "
                 f"found {phi.tolist()}"

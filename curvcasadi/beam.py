@@ -14,6 +14,7 @@ from curvcasadi.expressions import (
     Array,
     Number,
     expression,
+    instance,
     is_numeric,
     positive,
     rotation_matrix,
@@ -47,6 +48,9 @@ class Beam:
                     f"Beam.{name}: expected a {kind.__name__}, found {getattr(self, name)!r}"
                 )
         rotation_matrix("Beam.root.rotation", self.root.rotation)
+        object.__setattr__(self, "bodies", tuple(self.bodies or ()))
+        for body in self.bodies:
+            instance("Beam.bodies", body, Body)
         if self.section is not None and not isinstance(self.section, Section):
             raise ValueError(f"Beam.section: expected a Section, found {self.section!r}")
         n = getattr(self.basis, "n", 0)
@@ -103,7 +107,9 @@ class Beam:
         k0 = self.initial_curvature
         if k0 is None:
             return ca.DM.zeros(3)
-        return expression("Beam.initial_curvature", k0(xi) if callable(k0) else k0, (3, 1))
+        if callable(k0):
+            return expression(f"Beam.initial_curvature at xi = {xi:g}", k0(xi), (3, 1))
+        return expression("Beam.initial_curvature", k0, (3, 1))
 
     @property
     def design_symbols(self) -> dict[str, AnyExpr]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from curvcasadi import element
 from curvcasadi.beam import Beam
-from curvcasadi.expressions import AnyExpr, Array, expression, is_numeric, same_kind
+from curvcasadi.expressions import AnyExpr, Array, expression, instance, is_numeric, same_kind
 from curvcasadi.grid import COINCIDENT
 from curvcasadi.rules import RULES
 
@@ -280,6 +280,7 @@ def checked_weights(beam: Beam, q: AnyExpr, name: str = "q") -> AnyExpr:
         For a wrong shape, NaN, an SX that meets MX design symbols, weights outside
         `Beam.weight_bounds`, or an element that turns more than `Grid.max_angle`.
     """
+    instance("beam", beam, Beam)
     q = expression(name, q, (beam.basis.n, 1))
     design = beam.design_symbols
     same_kind(**{name: q}, **design)

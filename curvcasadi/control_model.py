@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam import Beam
-from curvcasadi.expressions import Number, expression, is_numeric, numbers, station
+from curvcasadi.expressions import Number, expression, instance, is_numeric, numbers, station
 from curvcasadi.layout import Layout, Part
 from curvcasadi.pose_function import tip_function
 from curvcasadi.shape import curvature
@@ -47,7 +47,7 @@ def kinematic_model(
     ----------
     time_constant : s, one number or one per weight
     """
-    symbols = beam.design_symbols
+    symbols = instance("beam", beam, Beam).design_symbols
     if symbols:
         raise ValueError(f"{next(iter(symbols))}: kinematic_model needs numbers, found a symbol")
     n = beam.basis.n

@@ -41,6 +41,8 @@ def expression(name: str, value: Number, shape: tuple[int, int]) -> AnyExpr:
 
 def numbers(name: str, value: Number) -> Array:
     """`value` as a new array of finite numbers; text, truth values and symbols are none."""
+    if value is None:
+        raise ValueError(f"{name}: expected numbers, found None")
     if isinstance(value, (list, tuple)) and any(isinstance(entry, _SYMBOLIC) for entry in value):
         raise ValueError(f"{name}: expected numbers, found {value!r}; stack symbols by ca.vertcat")
     try:
@@ -100,6 +102,24 @@ def choice(name: str, value: Any, options: Any) -> Any:
     if value not in options:
         raise ValueError(
             f"{name}: expected one of {', '.join(map(repr, options))}; found {value!r}"
+        )
+    return value
+
+
+def instance(name: str, value: Any, kind: type) -> Any:
+    """`value`, an instance of `kind`."""
+    if not isinstance(value, kind):
+        article = "an" if kind.__name__[0] in "AEIOU" else "a"
+        raise ValueError(f"{name}: expected {article} {kind.__name__}, found {value!r}")
+    return value
+
+
+def function_name(name: str, value: Any) -> str:
+    """`value`, a name that CasADi takes for a Function."""
+    if not isinstance(value, str) or not ca.Function.check_name(value):
+        raise ValueError(
+            f"{name}: expected letters, digits and single underscores, a letter first; "
+            f"found {value!r}"
         )
     return value
 

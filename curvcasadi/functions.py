@@ -44,8 +44,13 @@ def free_symbols(value: AnyExpr, declared: Iterable[AnyExpr]) -> list[str]:
     """Names of the symbols in `value` that are not among the symbols `declared`."""
     if is_numeric(value):
         return []
-    known = {_identity(s) for symbol in declared for s in ca.symvar(symbol)}
+    known = set(identities(declared))
     return [str(s) for s in ca.symvar(value) if _identity(s) not in known]
+
+
+def identities(symbols: Iterable[AnyExpr]) -> list[int]:
+    """What tells the primitive symbols in `symbols` apart, whatever their names."""
+    return [_identity(s) for symbol in symbols for s in ca.symvar(symbol)]
 
 
 def _identity(symbol: AnyExpr) -> int:

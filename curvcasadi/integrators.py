@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from curvcasadi.control_model import ControlModel
-from curvcasadi.expressions import count, is_numeric, positive
+from curvcasadi.expressions import count, instance, is_numeric, positive
 
 
 def rk4_step(model: ControlModel, dt: float, *, substeps: int = 1) -> ca.Function:
@@ -21,6 +21,7 @@ def rk4_step(model: ControlModel, dt: float, *, substeps: int = 1) -> ca.Functio
     casadi.Function
         (x, u, p) -> x_next
     """
+    instance("model", model, ControlModel)
     if not is_numeric(dt):
         raise ValueError(f"dt: expected a number, found the symbol {dt}")
     h = positive("dt", dt) / count("substeps", substeps)

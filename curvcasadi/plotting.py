@@ -150,6 +150,12 @@ def animate_shape(
 
 def save_figure(figure: Figure, path: str | Path) -> None:
     """Write `figure` in the format that the extension of `path` names."""
+    known = sorted(figure.canvas.get_supported_filetypes())
+    if Path(path).suffix.lower().lstrip(".") not in known:
+        raise ValueError(
+            f"{path}: expected a file name that ends in one of {', '.join(known)}, "
+            f"found {Path(path).suffix!r}"
+        )
     try:
         figure.savefig(path, dpi=200)
     except ValueError as error:
@@ -228,14 +234,17 @@ def _figure(histories: list[ShapeHistory], z_down: bool) -> tuple[Figure, Any]:
 
 
 def _fill_figure(figure: Figure, axes: Any, proportions: Array) -> None:
-    """Zoom until the box fills the figure, up to a margin for labels."""
+    """Zoom until the box fills the figure, up to a margin for labels.
+
+    It then reaches beyond the square that matplotlib clips to: what is drawn has `clip_on=False`.
+    """
     axes.set_box_aspect(proportions, zoom=1.0)
     figure.draw_without_rendering()
     limits = (axes.get_xlim(), axes.get_ylim(), axes.get_zlim())
     corners = np.array(np.meshgrid(*limits)).reshape(3, -1)
     x, y, _ = proj3d.proj_transform(*corners, axes.get_proj())
     extent = np.ptp(axes.transData.transform(np.column_stack([x, y])), axis=0)
-    room = figure.get_size_inches() * figure.dpi * (0.77, 0.72)
+    room = figure.get_size_inches() * figure.dpi * (0.74, 0.7)
     axes.set_box_aspect(proportions, zoom=float(np.min(room / extent)))
 
 
@@ -248,7 +257,9 @@ def _draw(axes: Any, beam: Beam, wings: list[ShapeHistory], sample: int) -> list
         p, D = wing.positions[sample], wing.deformation_maps[sample]
         label = "_" if artists else ""
         artists.append(_draw_ribbon(axes, p, D[:, 1].T * (RIBBON * length / 2)))
-        artists += axes.plot(*p, color=WING_COLOR, linewidth=1.5, label=f"{label}deformed")
+        artists += axes.plot(
+            *p, color=WING_COLOR, linewidth=1.5, label=f"{label}deformed", clip_on=False
+        )
         for k, color in enumerate(AXIS_COLORS):
             directions = D[arrows, k].T * (ARROW * length)
             artists.append(
@@ -258,6 +269,7 @@ def _draw(axes: Any, beam: Beam, wings: list[ShapeHistory], sample: int) -> list
                     color=color,
                     linewidth=1.2,
                     arrow_length_ratio=0.25,
+                    clip_on=False,
                     label=f"{label}local {'xyz'[k]}",
                 )
             )
@@ -267,7 +279,9 @@ def _draw(axes: Any, beam: Beam, wings: list[ShapeHistory], sample: int) -> list
 def _draw_ribbon(axes: Any, positions: Array, half_width: Array) -> Any:
     front, back = (positions + half_width).T, (positions - half_width).T
     quads = np.stack([front[:-1], front[1:], back[1:], back[:-1]], axis=1)
-    return axes.add_collection3d(Poly3DCollection(quads, facecolor="tab:blue", alpha=0.25))
+    return axes.add_collection3d(
+        Poly3DCollection(quads, facecolor="tab:blue", alpha=0.25, clip_on=False)
+    )
 
 
 def _draw_undeformed(axes: Any, wings: list[ShapeHistory]) -> None:
@@ -276,6 +290,7 @@ def _draw_undeformed(axes: Any, wings: list[ShapeHistory]) -> None:
             *wing.positions[0],
             color=UNDEFORMED_COLOR,
             linestyle="--",
+            clip_on=False,
             label="_undeformed" if k else "undeformed",
         )
 

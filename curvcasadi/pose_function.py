@@ -16,8 +16,15 @@ import numpy as np
 from curvcasadi import chain, kinematics
 from curvcasadi.beam import Beam
 from curvcasadi.element import ON_GROUP
-from curvcasadi.expressions import AnyExpr, choice, is_numeric, station
-from curvcasadi.functions import free_symbols
+from curvcasadi.expressions import (
+    AnyExpr,
+    choice,
+    function_name,
+    instance,
+    is_numeric,
+    station,
+)
+from curvcasadi.functions import free_symbols, identities
 from curvcasadi.lie import so3
 from curvcasadi.shape import poses
 
@@ -71,6 +78,8 @@ def pose_function(
     Columns stand in the order of `stations`; otherwise, `tip_function`. With `jacobian` a third
     output stacks the body Jacobians, (6 M, n).
     """
+    function_name("name", name)
+    instance("beam", beam, Beam)
     if not np.iterable(stations) or not len(stations):
         raise ValueError(f"stations: expected one or more numbers in [0, 1], found {stations!r}")
     stations = tuple(station("stations", xi) for xi in stations)
@@ -111,14 +120,18 @@ def _values(
 
 def _check_parameters(beam: Beam, form: Form, parameters: Mapping[str, AnyExpr]) -> None:
     kind = KINDS[form]
-    if "q" in parameters:
-        raise ValueError("parameters: expected names other than 'q', the weights; found 'q'")
+    instance("parameters", parameters, Mapping)
+    taken = sorted({"q", "position", "rotation", "jacobian"} & set(parameters))
+    if taken:
+        raise ValueError(f"parameters: expected names of their own, found {', '.join(taken)}")
     for name, symbol in parameters.items():
         if not isinstance(symbol, kind) or not symbol.is_valid_input():
             raise ValueError(
                 f"parameters[{name!r}]: form {form!r} takes {kind.__name__} symbols, "
                 f"found {type(symbol).__name__} {symbol}"
             )
+    if len(set(identities(parameters.values()))) < len(identities(parameters.values())):
+        raise ValueError(f"parameters: expected each symbol once, found {dict(parameters)}")
     for field, value in beam.design_symbols.items():
         if not isinstance(value, kind):
             raise ValueError(

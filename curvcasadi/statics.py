@@ -28,7 +28,7 @@ _EXTRA_POINTS = 12
 
 
 def strain_energy(beam: Beam, q: AnyExpr) -> AnyExpr:
-    """Strain energy U = ½ L ∫ (K − K_0)ᵀ C (K − K_0) dxi = ½ qᵀ S q, (1, 1), J.
+    """Strain energy U = ½ L ∫ (K − K_0)ᵀ C (K − K_0) dxi = ½ qᵀ S q, (1, 1), J; for any weights.
 
     Parameters
     ----------

@@ -75,7 +75,7 @@ def test_vector_basis_refuses_a_wrong_shape(function):
 
 def test_vector_basis_refuses_nan_wherever_it_is_evaluated():
     basis = cc.VectorBasis(lambda xi: np.full((3, 1), np.nan if xi == 0.3 else 1.0), 1)
-    with pytest.raises(ValueError, match=r"VectorBasis\.function: .* at xi = 0\.3"):
+    with pytest.raises(ValueError, match=r"VectorBasis\.function at xi = 0\.3: expected"):
         basis(0.3)
 
 

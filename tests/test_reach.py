@@ -71,7 +71,7 @@ def test_random_reachable_targets_are_reached(kind, regularizer, hessian):
         targets = _targets(WING, q, KINDS[kind])
         result = cc.reach_shape(WING, targets, regularizer=regularizer, hessian=hessian)
         assert result.reached
-        assert result.message == "reached"
+        assert result.message.startswith("reached")
         assert _missed(WING, result.q, targets) <= 1e-6
         assert np.all(np.abs(result.q.full()) <= 0.15)
         assert len(result.distances) == sum("p" in parts for _, parts in KINDS[kind])

@@ -549,7 +549,7 @@ def test_kinds_that_do_not_mix_are_named():
 
 def test_initial_curvature_functions_are_checked_where_they_are_used():
     beam = replace(SHORT, initial_curvature=lambda xi: [0, np.nan, 0])
-    with pytest.raises(ValueError, match=r"Beam\.initial_curvature: expected finite"):
+    with pytest.raises(ValueError, match=r"Beam\.initial_curvature at xi = 0: expected finite"):
         cc.shape_map(beam, [0, 0])
 
 

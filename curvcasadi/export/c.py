@@ -11,11 +11,22 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from curvcasadi.expressions import Array, expression
+from curvcasadi.expressions import Array, expression, function_name
 
 #: Largest error of the check program, over the largest entry of an output (at least 1): rounding.
 _TOLERANCE = 1e-13
 _SAMPLES = 5
+
+
+#: Names that C, its library or the check program has taken.
+_TAKEN = frozenset(
+    """auto break case char const continue default do double else enum extern float for goto if
+    inline int long register restrict return short signed sizeof static struct switch typedef
+    union unsigned void volatile while main printf abs acos asin atan atan2 ceil cos cosh div
+    erf exp exp2 expm1 fabs floor fma fmax fmin fmod frexp gamma hypot index isfinite isinf
+    isnan ldexp lgamma log log10 log1p log2 modf nan pow round signbit sin sinh sqrt tan tanh
+    tgamma time trunc y0 y1 j0 j1""".split()
+)
 
 
 def export_c(
@@ -47,6 +58,7 @@ def export_c(
         If names collide, a symbol is left free, or CasADi has no C for a part of a function.
     """
     functions = _checked(functions)
+    function_name("name", name)
     if name == "check":
         raise ValueError("name: expected another than that of the check program, found 'check'")
     references = _references(functions, reference_inputs or {})
@@ -69,16 +81,17 @@ def export_c(
 
 
 def _checked(functions: Sequence[ca.Function]) -> list[ca.Function]:
-    functions = list(functions)
+    functions = list(functions) if isinstance(functions, Iterable) else [functions]
     if not functions or not all(isinstance(f, ca.Function) for f in functions):
         raise ValueError(f"functions: expected one or more casadi.Function, found {functions!r}")
     names = [f.name() for f in functions]
     if len(set(names)) < len(names):
         raise ValueError(f"functions: expected different names, found {names}")
     for f in functions:
-        if f.name() == "main" or f.name().startswith("check_"):
+        if f.name() in _TAKEN or f.name().startswith("check_"):
             raise ValueError(
-                f"functions: expected names free of those of the check program, found {f.name()!r}"
+                "functions: expected names other than C's keywords, those of its library and those "
+                f"of the check program, found {f.name()!r}"
             )
         if f.has_free():
             raise ValueError(f"functions: {f.name()!r} has free symbols {f.get_free()}")

@@ -9,7 +9,7 @@ derivatives are right at θ = 0, in SX, MX and DM.
 
 from __future__ import annotations
 
-from math import factorial
+from math import factorial, pi
 from typing import Generic, NamedTuple
 
 from curvcasadi.expressions import Expr
@@ -27,6 +27,8 @@ def c(k: int, x: Expr, degree: int = DEGREE) -> Expr:
     x : squared angle, rad²
     degree : degree of the polynomial in x
     """
+    if k < 0 or degree < 0:
+        raise ValueError(f"k, degree: expected numbers not below zero, found {k}, {degree}")
     value = 0 * x + 1 / factorial(2 * degree + k)
     for j in reversed(range(degree)):
         value = 1 / factorial(2 * j + k) - x * value
@@ -73,6 +75,8 @@ def degree_for(max_angle: float, real: str = "double") -> int:
     The first omitted term of c_2, θ^m/(m + 2)! with m = 2(degree + 1), stays below rounding, and so
     does its third derivative with respect to θ beside that of c_2, θ/30.
     """
+    if not 0 < max_angle <= 2 * pi:
+        raise ValueError(f"max_angle: expected an angle in (0, 2 π] rad, found {max_angle}")
     value_tolerance, derivative_tolerance = _TOLERANCES[real]
     degree = 1
     while True:

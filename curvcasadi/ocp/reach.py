@@ -61,7 +61,7 @@ def reach_shape(
 
     Parameters
     ----------
-    q_guess : (n, 1), rad/m; the straight beam unless given
+    q_guess : (n, 1), rad/m, brought within the bounds; the straight beam unless given
     curvature_bound : on |K_x|, |K_y|, |K_z| at the stations, rad/m: one number, three, or None.
         Weights also keep `Beam.weight_bounds`, and elements `Grid.max_angle`.
     regularizer : "smoothness" or "strain_energy" (needs a section)
@@ -81,6 +81,8 @@ def reach_shape(
     targets = checked_problem(beam, targets)
     choice("hessian", hessian, ("gauss_newton", "limited_memory"))
     positive("regularization", regularization)
+    if not ca.has_nlpsol(solver):
+        raise ValueError(f"solver: expected an NLP solver of CasADi, found {solver!r}")
     problem = reach_problem(beam, targets, curvature_bound, regularizer, regularization)
     solvers = ReachSolvers(problem, hessian, solver, solver_options or {})
     guess = np.zeros(beam.basis.n)
@@ -125,7 +127,11 @@ def _result(
     _, distances, angles = solvers.errors(q)
     reached = solvers.misses(q) <= 1
     active = _active_bounds(beam, problem, q)
-    message = "reached" if reached else _why_missed(beam, targets, distances, angles, active)
+    message = "reached"
+    if not reached:
+        message = _why_missed(beam, targets, distances, angles, active)
+    elif not solvers.converged:
+        message = "reached, but the best shape among those that reach was not found"
     return ShapeResult(
         q=ca.DM(q),
         shape=shape_map(beam, q),

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import casadi as ca
 
 from curvcasadi.beam import Beam
-from curvcasadi.expressions import Number, count, positive
+from curvcasadi.expressions import Number, count, function_name, positive
 from curvcasadi.ocp.sqp import gauss_newton_sqp
 from curvcasadi.ocp.targets import (
     Limits,
@@ -68,9 +68,10 @@ def shape_target_function(
         the order of `targets`. Outputs: q (n, 1), rad/m; distances (P, 1), m; angles (R, 1), rad;
         miss (1, 1): the largest error of an unweighted target over its tolerance, or excess over a
         limit of curvature (rad/m) or squared element angle (rad²) over 1e-6, at most 1 where all
-        is kept. It never raises: check `miss`. From an exactly straight guess a target on
-        the beam's axis has no gradient: guess a slight bend.
+        is kept. It does not raise, but for NaN inputs: check `miss`. From an exactly straight guess
+        a target on the beam's axis has no gradient: guess a slight bend.
     """
+    function_name("name", name)
     targets = checked_problem(beam, targets)
     count("max_iter", max_iter)
     positive("regularization", regularization)

@@ -30,6 +30,8 @@ def gauss_newton_sqp(
     With `qrqp` it becomes self-contained C. Nothing is printed and nothing raised: a caller checks
     the result. Without line search every step is full, as real-time iterations want it.
     """
+    if not ca.has_conic(qp_solver):
+        raise ValueError(f"qp_solver: expected a QP solver of CasADi, found {qp_solver!r}")
     scale = ca.MX.sym("lam_f")
     multipliers = ca.MX.sym("lam_g", constraints.shape[0])
     qp_options = {"error_on_fail": False, **_QUIET.get(qp_solver, {})}

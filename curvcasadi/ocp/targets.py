@@ -16,6 +16,7 @@ from curvcasadi.expressions import (
     Number,
     choice,
     expression,
+    instance,
     is_numeric,
     positive,
     rotation_matrix,
@@ -228,7 +229,7 @@ def regularizer_matrix(beam: Beam, regularizer: Regularizer) -> ca.DM:
 
 def checked_problem(beam: Beam, targets: Sequence[Target]) -> list[Target]:
     """`targets` as a list, for a numeric beam."""
-    symbols = beam.design_symbols
+    symbols = instance("beam", beam, Beam).design_symbols
     if symbols:
         field, symbol = next(iter(symbols.items()))
         raise ValueError(f"{field}: a shape target needs numbers, found the symbol {symbol}")

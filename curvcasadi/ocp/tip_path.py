@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.control_model import ControlModel
-from curvcasadi.expressions import Array, Number, count, positive
+from curvcasadi.expressions import Array, Number, count, function_name, instance, positive
 from curvcasadi.integrators import rk4_step
 from curvcasadi.lie import so3
 from curvcasadi.ocp.sqp import gauss_newton_sqp
@@ -59,6 +59,8 @@ def tip_path_step_function(
         Outputs: u, the input to apply now; plan, the guess for the next step, shifted by a stage;
         states (n, N + 1); miss (1, 1): the largest violation of a bound or of the model.
     """
+    function_name("name", name)
+    instance("model", model, ControlModel)
     stages = count("horizon", horizon)
     weights = [
         numeric("position_weight", positive("position_weight", position_weight, zero=True)),

@@ -47,14 +47,26 @@ def load_aircraft(path: str | Path) -> Aircraft:
     file = toml.load_table(path)
     arrays = dict.fromkeys(("surfaces", "thrusts"), toml.TABLES)
     file.read({"body": toml.table_of(), "beams": toml.TABLES}, arrays)
+    if not file.content["beams"]:
+        raise file.error("beams: expected one or more, found none")
     parts: dict[str, Any] = {
         "body": _body(file.table("body")),
         "beams": _wings(_tables(file, "beams")),
         "surfaces": tuple(_surface(table) for table in _tables(file, "surfaces")),
         "thrusts": tuple(_thrust(table) for table in _tables(file, "thrusts")),
     }
+    _check_names(file, [part.name for part in (*parts["thrusts"], *parts["surfaces"])])
     with file.owning_errors():
         return Aircraft(**parts)
+
+
+def _check_names(file: toml.Table, names: list[str]) -> None:
+    """Rigid parts have their wrenches by name, beside the weight."""
+    if len({"weight", *names}) <= len(names):
+        raise file.error(
+            "expected different names of surfaces and thrusts, and none of them weight; "
+            f"found {', '.join(names)}"
+        )
 
 
 def _tables(table: toml.Table, key: str) -> list[toml.Table]:

@@ -73,16 +73,19 @@ def run(arguments: argparse.Namespace) -> int:
         raise ValueError(f"{arguments.out}: expected a file name that ends in .csv")
     speeds = [speed for text in arguments.speed for speed in _speeds(text)]
     aircraft = load_aircraft(arguments.aircraft)
-    results = trim_sweep(
-        aircraft,
-        speeds,
-        density=arguments.density,
-        gravity=arguments.gravity,
-        free=arguments.free,
-        inputs=_held(arguments.hold, aircraft),
-        objective=arguments.objective,
-        progress=len(speeds) > 1,
-    )
+    try:
+        results = trim_sweep(
+            aircraft,
+            speeds,
+            density=arguments.density,
+            gravity=arguments.gravity,
+            free=arguments.free,
+            inputs=_held(arguments.hold, aircraft),
+            objective=arguments.objective,
+            progress=len(speeds) > 1,
+        )
+    except ValueError as error:
+        raise ValueError(_by_options(str(error))) from None
     trimmed = [result for result in results if result.trimmed]
     if trimmed:
         print(f"density {arguments.density:g} kg/m3, gravity {arguments.gravity:g} m/s2\n")
@@ -90,8 +93,16 @@ def run(arguments: argparse.Namespace) -> int:
         _write(arguments, aircraft, results)
     missed = [result for result in results if not result.trimmed]
     if missed:
-        raise ConvergenceError("\n".join(result.message for result in missed), missed[0])
+        raise ConvergenceError(_by_options("\n".join(r.message for r in missed)), missed[0])
     return 0
+
+
+def _by_options(message: str) -> str:
+    """A message of `trim` with the options of the command in place of the arguments."""
+    options = {"`inputs`": "--hold", "`free`": "--free", "an objective": "--objective"}
+    for argument, option in options.items():
+        message = message.replace(argument, option)
+    return message
 
 
 def _speeds(text: str) -> list[float]:
@@ -147,7 +158,7 @@ def _flight_table(results: Sequence[TrimResult]) -> str:
         left = np.abs(list(result.balances.values()))
         row["drag [N]"] = f"{result.drag:.3f}"
         row["unbalanced [N]"] = f"{left[:3].max():.1e}"
-        row["[N m]"] = f"{left[3:].max():.1e}"
+        row["unbalanced [N m]"] = f"{left[3:].max():.1e}"
         row["state"] = result.message if result.trimmed else "not trimmed"
         row["held by"] = "; ".join(result.active_bounds) or "-"
         rows.append(row)
@@ -252,10 +263,18 @@ def plot_trim(aircraft: Aircraft, results: Sequence[TrimResult]) -> Any:
     front.set_aspect("equal", adjustable="datalim")
     lift.set(xlabel="$y$, to the right [m]", ylabel="lift per length [N/m]")
     lift.set_title("lift in the section plane, normal to the local velocity")
+    lift.axhline(0, color="0.6", linewidth=0.8)
     for axes in (front, lift):
         axes.grid(color="0.9")
         axes.title.set_fontsize("medium")
-    figure.legend(loc="outside lower center", ncols=5, frameon=False)
+    figure.legend(
+        loc="outside lower center",
+        ncols=LARGEST_LEGEND + 1,
+        fontsize="small",
+        handlelength=1.7,
+        columnspacing=1.2,
+        frameon=False,
+    )
     return figure
 
 

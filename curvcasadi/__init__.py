@@ -54,6 +54,7 @@ from curvcasadi.aircraft import (
     aircraft_wrench,
     mirror_wing,
 )
+from curvcasadi.aircraft_file import load_aircraft
 from curvcasadi.basis import ChannelBasis, VectorBasis
 from curvcasadi.beam import Beam
 from curvcasadi.control_model import ControlModel, kinematic_model
@@ -69,7 +70,7 @@ from curvcasadi.families import (
     PiecewiseConstant,
     Tabulated,
 )
-from curvcasadi.files import load_beam
+from curvcasadi.files import WingFile, load_beam, load_wing
 from curvcasadi.functions import function
 from curvcasadi.grid import Grid
 from curvcasadi.integrators import rk4_step
@@ -83,6 +84,7 @@ from curvcasadi.loads import (
     PointMoment,
 )
 from curvcasadi.mirror import mirror
+from curvcasadi.modal import ModalBasis, Modes, load_modes, modal_basis
 from curvcasadi.ocp.reach import ShapeResult, reach_shape
 from curvcasadi.ocp.shape_target import shape_target_function
 from curvcasadi.ocp.targets import Target
@@ -126,6 +128,8 @@ __all__ = [
     "Layout",
     "Legendre",
     "LiftingSurface",
+    "ModalBasis",
+    "Modes",
     "Monomial",
     "Part",
     "PiecewiseConstant",
@@ -146,6 +150,7 @@ __all__ = [
     "TrimResult",
     "VectorBasis",
     "Wing",
+    "WingFile",
     "aircraft_wrench",
     "body_jacobian",
     "body_jacobian_rate",
@@ -160,10 +165,14 @@ __all__ = [
     "function",
     "generalized_force",
     "kinematic_model",
+    "load_aircraft",
     "load_beam",
+    "load_modes",
+    "load_wing",
     "mirror",
     "mirror_aero",
     "mirror_wing",
+    "modal_basis",
     "pose_at",
     "pose_function",
     "reach_shape",

@@ -2,8 +2,8 @@
 
 Tables: `[body]`; an array of `[[beams]]`, each with a name and the tables of a wing file within
 (beam, basis, grid, section, bodies, loads) and `aerodynamics`, or with `mirror_of` and the name of
-another; and optionally `[[surfaces]]` and `[[thrusts]]`. Errors are those of wing files:
-`path: [table] key: expected …, found …`.
+another; and optionally `[[surfaces]]`, `[[thrusts]]` and `[air]` with its density. Errors are those
+of wing files: `path: [table] key: expected …, found …`.
 """
 
 from __future__ import annotations
@@ -20,10 +20,12 @@ from curvcasadi.aero import ControlSurface, ExponentialTipLoss, StripAerodynamic
 from curvcasadi.aero.strip import QUANTITIES, coefficients
 from curvcasadi.aircraft import Aircraft, LiftingSurface, RigidBody, Thrust, Wing, mirror_wing
 from curvcasadi.beam import Beam
+from curvcasadi.expressions import positive
 from curvcasadi.loads_table import read_load
 from curvcasadi.section import Steps
 from curvcasadi.section_table import read_body, read_section
 
+_OPTIONAL = {"surfaces": toml.TABLES, "thrusts": toml.TABLES, "air": toml.table_of("density")}
 #: Quantities of `StripAerodynamics` that have no default.
 _REQUIRED = ("chord", "aerodynamic_center", "lift_slope")
 _QUANTITY = toml.NUMBER | toml.table_of("xi", "values")
@@ -45,8 +47,7 @@ def load_aircraft(path: str | Path) -> Aircraft:
         If it cannot be read.
     """
     file = toml.load_table(path)
-    arrays = dict.fromkeys(("surfaces", "thrusts"), toml.TABLES)
-    file.read({"body": toml.table_of(), "beams": toml.TABLES}, arrays)
+    file.read({"body": toml.table_of(), "beams": toml.TABLES}, _OPTIONAL)
     if not file.content["beams"]:
         raise file.error("beams: expected one or more, found none")
     parts: dict[str, Any] = {
@@ -58,6 +59,17 @@ def load_aircraft(path: str | Path) -> Aircraft:
     _check_names(file, [part.name for part in (*parts["thrusts"], *parts["surfaces"])])
     with file.owning_errors():
         return Aircraft(**parts)
+
+
+def load_density(path: str | Path) -> float | None:
+    """Density of the air in the table [air] of an aircraft file, kg/m³; None without that table."""
+    file = toml.load_table(path)
+    if "air" not in file.content:
+        return None
+    air = file.table("air")
+    values = air.read({"density": toml.NUMBER})
+    with air.owning_errors():
+        return float(positive("density", values["density"]))
 
 
 def _check_names(file: toml.Table, names: list[str]) -> None:
@@ -105,11 +117,11 @@ def _wing(table: toml.Table) -> Wing:
 
 def _beam(table: toml.Table) -> Beam:
     description = {
-        "basis": wing_file._basis(table.table("basis")),
-        "grid": wing_file._grid(table.table("grid")),
+        "basis": wing_file.basis_of(table.table("basis")),
+        "grid": wing_file.grid_of(table.table("grid")),
         "section": read_section(table.table("section")),
         "bodies": tuple(read_body(entry) for entry in _tables(table, "bodies")),
-        **wing_file._beam_values(table.table("beam")),
+        **wing_file.beam_values_of(table.table("beam")),
     }
     with table.table("beam").owning_errors():
         return Beam(**description)
@@ -190,7 +202,7 @@ def _surface(table: toml.Table) -> LiftingSurface:
             "aerodynamics": toml.table_of(),
         }
     )
-    pose, strips = wing_file._root(table.table("pose")), _strips(table.table("aerodynamics"))
+    pose, strips = wing_file.root_of(table.table("pose")), _strips(table.table("aerodynamics"))
     with table.owning_errors():
         return LiftingSurface(name=values["name"], area=values["area"], pose=pose, strips=strips)
 

@@ -24,6 +24,8 @@ _LARGEST_STEP = 1.5
 _SAME_BRANCH = 1.0
 _ITERATIONS = 20
 _LEAST_LOAD_STEP = 1e-4
+#: Largest load step over which the tangent may become singular, as it does at a bifurcation.
+_CROSSING_STEP = 2e-3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,10 +49,11 @@ def solve_equilibrium(
 ) -> Equilibrium:
     """Equilibrium of `beam` under `loads`, on the branch that grows from the unloaded shape.
 
-    Newton's method with the structured tangent. If the first step from the unloaded shape (or from
-    `q_guess`) is larger than a weight times the length of 1.5 rad, or Newton fails, the loads grow
-    in steps: each is predicted along the tangent of the branch and corrected by Newton, and a step
-    that leaves the predictor's neighbourhood is repeated at half its size.
+    Newton's method with the structured tangent. If that goes further from the unloaded shape than
+    1.5 rad (a weight times the length), fails, or ends where the branch cannot have come without a
+    singular tangent, the loads grow in steps: each is predicted along the tangent of the branch and
+    corrected by Newton. A step that leaves the predictor's neighbourhood is repeated at half its
+    size, and only a small one may pass a singular tangent, as a bifurcation has.
 
     Parameters
     ----------
@@ -73,7 +76,7 @@ def solve_equilibrium(
         guess = expression("q_guess", q_guess, (n, 1)).full().ravel()
 
     q = newton.correct(guess, 1.0, largest=np.inf if q_guess is not None else _LARGEST_STEP)
-    if q is not None:
+    if q is not None and (q_guess is not None or not newton.crossings(q, 1.0)):
         return _equilibrium(beam, newton, q, 1.0, steps=1)
     return _continue(beam, newton, np.zeros(n))
 
@@ -238,9 +241,19 @@ class _Newton:
             residual, scale, tangent = self.evaluate(q, factor)
         return q if np.max(np.abs(residual)) <= 100 * TOLERANCE * scale else None
 
+    def crossings(self, q: Array, factor: float) -> int:
+        """Real eigenvalues of the tangent below zero: how often it was singular on the way here.
+
+        It starts positive definite; what jumped to another branch may have one that never crossed.
+        """
+        _, _, tangent = self.evaluate(q, factor)
+        eigenvalues = np.linalg.eigvals(tangent)
+        real = np.abs(eigenvalues.imag) <= 1e-9 * np.max(np.abs(eigenvalues))
+        return int(np.sum(real & (eigenvalues.real < 0)))
+
 
 def _continue(beam: Beam, newton: _Newton, q: Array) -> Equilibrium:
-    factor, step, steps = 0.0, 0.25, 0
+    factor, step, steps, crossings = 0.0, 0.25, 0, 0
     while factor < 1:
         target = min(1.0, factor + step)
         slope = newton.predict(q, factor)
@@ -249,8 +262,11 @@ def _continue(beam: Beam, newton: _Newton, q: Array) -> Equilibrium:
         found = None
         if bend <= _LARGEST_STEP:
             found = newton.correct(q + ahead, target, _SAME_BRANCH)
+        crossed = crossings if found is None else newton.crossings(found, target)
+        if crossed != crossings and step > _CROSSING_STEP:
+            found = None  # on the branch itself a small step finds the same crossing
         if found is not None:
-            q, factor, steps = found, target, steps + 1
+            q, factor, steps, crossings = found, target, steps + 1, crossed
             step *= 1.5
             continue
         step /= 2

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from curvcasadi.aircraft import Aircraft, Wing
-from curvcasadi.aircraft_file import load_aircraft
+from curvcasadi.aircraft_file import load_aircraft, load_density
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.expressions import Array
 from curvcasadi.ocp.trim import STANDARD_GRAVITY, trim_sweep
@@ -57,7 +57,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--speed", action="append", required=True, metavar="V|FIRST:LAST:STEP", help="m/s"
     )
-    parser.add_argument("--density", type=float, default=1.225, help="kg/m3; default: sea level")
+    parser.add_argument("--density", type=float, help="kg/m3; unless it stands in the file")
     parser.add_argument("--gravity", type=float, default=STANDARD_GRAVITY, help="m/s2")
     parser.add_argument("--hold", action="append", default=[], metavar="NAME=VALUE", help="N, rad")
     parser.add_argument("--free", action="append", default=[], choices=("sideslip", "roll"))
@@ -73,6 +73,13 @@ def run(arguments: argparse.Namespace) -> int:
         raise ValueError(f"{arguments.out}: expected a file name that ends in .csv")
     speeds = [speed for text in arguments.speed for speed in _speeds(text)]
     aircraft = load_aircraft(arguments.aircraft)
+    if arguments.density is None:
+        arguments.density = load_density(arguments.aircraft)
+    if arguments.density is None:
+        raise ValueError(
+            f"--density: expected kg/m3 here or as density under [air] of {arguments.aircraft}, "
+            "found neither"
+        )
     try:
         results = trim_sweep(
             aircraft,

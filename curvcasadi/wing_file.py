@@ -72,19 +72,19 @@ def load_wing(path: str | Path) -> WingFile:
     optional = {"section": toml.table_of(), "bodies": toml.TABLES, "loads": toml.TABLES}
     tables = file.read(required, optional)
     description: dict[str, Any] = {
-        "basis": _basis(file.table("basis")),
-        "grid": _grid(file.table("grid")),
+        "basis": basis_of(file.table("basis")),
+        "grid": grid_of(file.table("grid")),
         "section": read_section(file.table("section")) if "section" in tables else None,
         "bodies": tuple(read_body(table) for table in file.tables("bodies")),
     }
     beam = file.table("beam")
-    description |= _beam_values(beam)
+    description |= beam_values_of(beam)
     with beam.owning_errors():
         made = Beam(**description)
     return WingFile(beam=made, loads=tuple(read_load(table) for table in file.tables("loads")))
 
 
-def _beam_values(table: toml.Table) -> dict[str, Any]:
+def beam_values_of(table: toml.Table) -> dict[str, Any]:
     values = table.read(
         {"length": toml.NUMBER},
         {
@@ -94,7 +94,7 @@ def _beam_values(table: toml.Table) -> dict[str, Any]:
         },
     )
     readers: dict[str, Callable[[toml.Table], Any]] = {
-        "root": _root,
+        "root": root_of,
         "initial_curvature": _initial_curvature,
         "weight_bounds": _weight_bounds,
     }
@@ -104,7 +104,7 @@ def _beam_values(table: toml.Table) -> dict[str, Any]:
     return values
 
 
-def _basis(table: toml.Table) -> ChannelBasis:
+def basis_of(table: toml.Table) -> ChannelBasis:
     channels = table.read({}, dict.fromkeys(CHANNELS, toml.table_of("family", "n")))
     made = {channel: _family(table.table(channel)) for channel in channels}
     with table.owning_errors():
@@ -125,7 +125,7 @@ def _family(table: toml.Table) -> families.Family:
     return family
 
 
-def _grid(table: toml.Table) -> Grid:
+def grid_of(table: toml.Table) -> Grid:
     kind = table.one_of("kind", ("uniform", "lobatto", "custom"))
     size = {"boundaries": toml.NUMBERS} if kind == "custom" else {"elements": toml.WHOLE}
     values = table.read(
@@ -136,7 +136,7 @@ def _grid(table: toml.Table) -> Grid:
         return Grid(**values)
 
 
-def _root(table: toml.Table) -> Pose:
+def root_of(table: toml.Table) -> Pose:
     attitudes = {"rotation": toml.MATRIX, "rotation_vector": toml.VECTOR}
     values = table.read({"position": toml.VECTOR}, attitudes)
     given = [key for key in attitudes if key in values]

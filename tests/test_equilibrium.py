@@ -404,3 +404,14 @@ def test_elements_that_turn_too_far_are_refused():
     beam = rod(2, grid=cc.Grid.uniform(1))
     with pytest.raises(ValueError, match=r"Grid\.max_angle = 1 rad.*use more elements"):
         cc.solve_equilibrium(beam, [cc.PointMoment(1.0, [0, 1.3, 0])])
+
+
+def test_a_column_buckles_with_the_branch_that_its_imperfection_chooses():
+    # Twice the Euler load, and a force of 1/400 of it across: Newton's method from straight ends on
+    # the unstable straight branch, at a tip 6 cm off. Following the load in 2000 steps of
+    # `equilibrium_function` gives the tip below, to the centimetre.
+    wing = replace(hale_wing(), weight_bounds=None)
+    result = cc.solve_equilibrium(wing, [cc.PointForce(1.0, [0, -400, -1])])
+    assert_allclose(result.shape.tip.position.full().ravel(), [0, 0.66, -12.67], atol=0.01)
+    _, tangent = cc.equilibrium_tangent(wing, result.q, [cc.PointForce(1.0, [0, -400, -1])])
+    assert np.all(np.linalg.eigvalsh(tangent.full()) > 0)

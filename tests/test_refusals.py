@@ -95,7 +95,7 @@ def test_names_that_c_has_taken_are_refused(name, tmp_path):
 
 @pytest.mark.parametrize("name", ["figure", "figure.xyz"])
 def test_figures_without_a_known_extension_are_refused(name, tmp_path):
-    with pytest.raises(ValueError, match="expected a file name that ends in one of .*png"):
+    with pytest.raises(ValueError, match=r"expected a file name that ends in one of .*png"):
         save_figure(plot_shape(WING, np.zeros(9)), tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 

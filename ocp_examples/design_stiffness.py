@@ -14,16 +14,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import curvcasadi as cc
-from curvcasadi.aero import AerodynamicLoad, Flow, StripAerodynamics
 from curvcasadi.reference_wings import hale_wing
 
 HEIGHT = 2.0  # m
 EDGES = (0.0, 1 / 3, 2 / 3, 1.0)
-STRIPS = StripAerodynamics(chord=1.0, aerodynamic_center=0.25, lift_slope=2 * np.pi)
+STRIPS = cc.StripAerodynamics(chord=1.0, aerodynamic_center=0.25, lift_slope=2 * np.pi)
 # 25 m/s at 20 km, the root 4° nose-up; body axes.
 STREAM = 25 * np.array([np.cos(np.radians(4)), 0, np.sin(np.radians(4))])
 LOADS = (
-    AerodynamicLoad(strips=STRIPS, flow=Flow(density=0.0889, velocity=STREAM)),
+    cc.AerodynamicLoad(strips=STRIPS, flow=cc.Flow(density=0.0889, velocity=STREAM)),
     cc.Gravity([0, 0, 9.81]),
 )
 

@@ -12,39 +12,35 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import curvcasadi as cc
-from curvcasadi.aero import ControlSurface, StripAerodynamics
-from curvcasadi.aircraft import Aircraft, LiftingSurface, RigidBody, Thrust, Wing, mirror_wing
-from curvcasadi.ocp.trim import trim
-from curvcasadi.ocp.trim_result import TrimResult
 from curvcasadi.reference_wings import RIGHT_WING_ROOT, hale_wing
 
 FLAPS = tuple(
-    ControlSurface(name=f"flap_{k + 1}", lift=3.5, moment=-0.6, start=k / 4, end=(k + 1) / 4)
+    cc.ControlSurface(name=f"flap_{k + 1}", lift=3.5, moment=-0.6, start=k / 4, end=(k + 1) / 4)
     for k in range(4)
 )
 LARGEST = np.radians(8)
 FLIGHT = {"speed": 26.0, "density": 0.0889}  # m/s, kg/m³
 
 
-def aircraft() -> Aircraft:
-    wing = StripAerodynamics(
+def aircraft() -> cc.Aircraft:
+    wing = cc.StripAerodynamics(
         chord=1.0, aerodynamic_center=0.25, lift_slope=2 * np.pi, profile_drag=0.01, controls=FLAPS
     )
-    elevator = ControlSurface(name="elevator", lift=3.0)
-    tail = StripAerodynamics(
+    elevator = cc.ControlSurface(name="elevator", lift=3.0)
+    tail = cc.StripAerodynamics(
         chord=0.5, aerodynamic_center=0.0, lift_slope=2 * np.pi, controls=(elevator,)
     )
     aft = cc.Pose(rotation=RIGHT_WING_ROOT.rotation, position=[-10, 0, 0])
-    right = Wing(name="right", beam=hale_wing(), strips=wing)
-    return Aircraft(
-        body=RigidBody(mass=50.0, center_of_mass=[0, 0, 0]),
-        beams=(right, mirror_wing(right, "left")),
-        surfaces=(LiftingSurface(name="tail", area=2.5, pose=aft, strips=tail),),
-        thrusts=(Thrust(),),
+    right = cc.Wing(name="right", beam=hale_wing(), strips=wing)
+    return cc.Aircraft(
+        body=cc.RigidBody(mass=50.0, center_of_mass=[0, 0, 0]),
+        beams=(right, cc.mirror_wing(right, "left")),
+        surfaces=(cc.LiftingSurface(name="tail", area=2.5, pose=aft, strips=tail),),
+        thrusts=(cc.Thrust(),),
     )
 
 
-def plot(cases: dict[str, TrimResult]) -> Figure:
+def plot(cases: dict[str, cc.TrimResult]) -> Figure:
     figure = Figure(figsize=(6.4, 6.4), layout="constrained")
     lift, front = figure.subplots(2, 1)
     for label, result in cases.items():
@@ -59,10 +55,10 @@ def plot(cases: dict[str, TrimResult]) -> Figure:
     return figure
 
 
-def main(directory: Path = Path("out")) -> dict[str, TrimResult]:
+def main(directory: Path = Path("out")) -> dict[str, cc.TrimResult]:
     flexible, names = aircraft(), [flap.name for flap in FLAPS]
-    clean = trim(flexible, **FLIGHT, inputs=dict.fromkeys(names, 0.0))
-    flapped = trim(
+    clean = cc.trim(flexible, **FLIGHT, inputs=dict.fromkeys(names, 0.0))
+    flapped = cc.trim(
         flexible,
         **FLIGHT,
         objective="root_bending",

@@ -13,26 +13,22 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import curvcasadi as cc
-from curvcasadi.aero import ControlSurface, StripAerodynamics
-from curvcasadi.aircraft import Aircraft, LiftingSurface, RigidBody, Thrust, Wing, mirror_wing
-from curvcasadi.ocp.trim import trim_sweep
-from curvcasadi.ocp.trim_result import TrimResult, trim_table
 from curvcasadi.reference_wings import RIGHT_WING_ROOT, hale_wing
 
 DENSITY = 0.0889  # kg/m³, at 20 km
 SPEEDS = np.arange(24.0, 35.0, 2.0)  # m/s
 
 
-def aircraft(stiffness: float = 1.0) -> Aircraft:
+def aircraft(stiffness: float = 1.0) -> cc.Aircraft:
     beam = hale_wing()
     section = cc.Section(
         GJ=1e4 * stiffness, EI_y=2e4 * stiffness, EI_z=4e6 * stiffness, mass_per_length=0.75
     )
-    wing = StripAerodynamics(
+    wing = cc.StripAerodynamics(
         chord=1.0, aerodynamic_center=0.25, lift_slope=2 * np.pi, profile_drag=0.01
     )
-    elevator = ControlSurface(name="elevator", lift=3.0)
-    tail = StripAerodynamics(
+    elevator = cc.ControlSurface(name="elevator", lift=3.0)
+    tail = cc.StripAerodynamics(
         chord=0.5,
         aerodynamic_center=0.0,
         lift_slope=2 * np.pi,
@@ -40,16 +36,16 @@ def aircraft(stiffness: float = 1.0) -> Aircraft:
         controls=(elevator,),
     )
     aft = cc.Pose(rotation=RIGHT_WING_ROOT.rotation, position=[-10, 0, 0])
-    right = Wing(name="right", beam=replace(beam, section=section), strips=wing)
-    return Aircraft(
-        body=RigidBody(mass=50.0, center_of_mass=[0, 0, 0]),
-        beams=(right, mirror_wing(right, "left")),
-        surfaces=(LiftingSurface(name="tail", area=2.5, pose=aft, strips=tail),),
-        thrusts=(Thrust(),),
+    right = cc.Wing(name="right", beam=replace(beam, section=section), strips=wing)
+    return cc.Aircraft(
+        body=cc.RigidBody(mass=50.0, center_of_mass=[0, 0, 0]),
+        beams=(right, cc.mirror_wing(right, "left")),
+        surfaces=(cc.LiftingSurface(name="tail", area=2.5, pose=aft, strips=tail),),
+        thrusts=(cc.Thrust(),),
     )
 
 
-def plot(flexible: list[TrimResult], stiff: list[TrimResult]) -> Figure:
+def plot(flexible: list[cc.TrimResult], stiff: list[cc.TrimResult]) -> Figure:
     figure = Figure(figsize=(6.4, 7.2), layout="constrained")
     front, angle = figure.subplots(2, 1)
     for results, style, label in ((flexible, "black", "flexible"), (stiff, "tab:blue", "stiff")):
@@ -68,12 +64,12 @@ def plot(flexible: list[TrimResult], stiff: list[TrimResult]) -> Figure:
     return figure
 
 
-def main(directory: Path = Path("out")) -> list[list[TrimResult]]:
+def main(directory: Path = Path("out")) -> list[list[cc.TrimResult]]:
     results = []
     for label, stiffness in (("flexible", 1.0), ("stiff", 100.0)):
         print(f"{label} wing")
-        results.append(trim_sweep(aircraft(stiffness), SPEEDS, density=DENSITY))
-        print(trim_table(results[-1]))
+        results.append(cc.trim_sweep(aircraft(stiffness), SPEEDS, density=DENSITY))
+        print(cc.trim_table(results[-1]))
     directory.mkdir(exist_ok=True)
     plot(*results).savefig(directory / "trim_level_flight.png", dpi=150)
     return results

@@ -97,11 +97,13 @@ class VectorBasis:
     function : xi -> (3, n), dimensionless
     n : number of functions
     breaks : interior points at which a function or its slope jumps
+    labels : a name per function; "coupled: k" unless given
     """
 
     function: Callable[[float], Array]
     n: int
     breaks: tuple[float, ...] = ()
+    labels: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         count("VectorBasis.n", self.n)
@@ -110,12 +112,12 @@ class VectorBasis:
         if not all(0 < x < 1 for x in self.breaks):
             raise ValueError(f"VectorBasis.breaks: expected numbers in (0, 1), found {self.breaks}")
         object.__setattr__(self, "breaks", tuple(sorted(self.breaks)))
+        labels = tuple(self.labels) or tuple(f"coupled: {k}" for k in range(self.n))
+        if len(labels) != self.n:
+            raise ValueError(f"VectorBasis.labels: expected {self.n} names, found {self.labels}")
+        object.__setattr__(self, "labels", labels)
         for xi in (0.0, 0.5, 1.0):
             self(xi)
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        return tuple(f"coupled: {k}" for k in range(self.n))
 
     def __call__(self, xi: float) -> Array:
         phi = numbers(f"VectorBasis.function at xi = {xi}", self.function(xi))

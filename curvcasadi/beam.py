@@ -39,6 +39,7 @@ class Beam:
     initial_curvature: Number | None = None  #: K_0 (3,), rad/m, local axes, or a function of xi
     weight_bounds: Number | None = None  #: rad/m: b, (b_1 … b_n), or a pair (lower, upper)
     bodies: tuple[Body, ...] = ()  #: rigid bodies fixed to stations
+    _bounds: tuple[Array, Array] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "length", positive("Beam.length", self.length))
@@ -87,7 +88,7 @@ class Beam:
     @property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds (n,) of the weights, rad/m; infinite where none is declared."""
-        lower, upper = self._bounds  # type: ignore[attr-defined]
+        lower, upper = self._bounds
         return lower.copy(), upper.copy()
 
     @property

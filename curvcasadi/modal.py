@@ -66,13 +66,6 @@ class ModalBasis:
     round_trip_error: Array  #: (n,) per mode, see `round_trip_error`
 
 
-@dataclass(frozen=True, eq=False)
-class _CurvatureOfModes(VectorBasis):
-    """A `VectorBasis` that calls its functions by the labels of the modes."""
-
-    labels: tuple[str, ...] = ()  # type: ignore[assignment]
-
-
 def modal_basis(
     modes: Modes | str | Path, n: int | None = None, *, length: float | None = None
 ) -> ModalBasis:
@@ -107,7 +100,7 @@ def modal_basis(
         return np.asarray((spline(xi * span) / largest[:, None]).T)
 
     return ModalBasis(
-        basis=_CurvatureOfModes(functions, len(modes.labels), labels=modes.labels),
+        basis=VectorBasis(functions, len(modes.labels), labels=modes.labels),
         labels=modes.labels,
         round_trip_error=round_trip_error(modes),
     )

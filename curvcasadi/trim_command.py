@@ -127,7 +127,7 @@ def _speeds(text: str) -> list[float]:
     first, last, step = numbers
     if last < first:
         raise ValueError(f"--speed: expected first:last:step with first <= last; found {text!r}")
-    return [first + k * step for k in range(math.floor((last - first) / step + 1e-9) + 1)]
+    return [first + k * step for k in range(math.floor((last - first) / step * (1 + 1e-9)) + 1)]
 
 
 def _held(options: Sequence[str], aircraft: Aircraft) -> dict[str, float]:

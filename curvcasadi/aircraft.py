@@ -16,7 +16,14 @@ import casadi as ca
 from curvcasadi.aero import AerodynamicLoad, Flow, StripAerodynamics, mirror_aero
 from curvcasadi.aero.load import strip_data, strip_wrench
 from curvcasadi.beam import Beam
-from curvcasadi.expressions import AnyExpr, Number, expression, positive
+from curvcasadi.expressions import (
+    AnyExpr,
+    Number,
+    expression,
+    is_numeric,
+    positive,
+    rotation_matrix,
+)
 from curvcasadi.functions import free_symbols
 from curvcasadi.loads import Gravity
 from curvcasadi.mirror import mirror
@@ -53,6 +60,8 @@ class Thrust:
         for name in ("position", "direction"):
             value = expression(f"Thrust.{name}", getattr(self, name), (3, 1))
             object.__setattr__(self, name, value)
+        if is_numeric(self.direction) and abs(float(ca.norm_2(self.direction)) - 1) > 1e-6:
+            raise ValueError(f"Thrust.direction: expected a unit vector, found {self.direction}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -72,6 +81,7 @@ class LiftingSurface:
         positive("LiftingSurface.area", self.area)
         for name, kind in (("pose", Pose), ("strips", StripAerodynamics)):
             _is(f"LiftingSurface.{name}", getattr(self, name), kind)
+        rotation_matrix("LiftingSurface.pose.rotation", self.pose.rotation)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -87,6 +97,8 @@ class Wing:
         for name, kind in (("beam", Beam), ("strips", StripAerodynamics)):
             _is(f"Wing.{name}", getattr(self, name), kind)
         object.__setattr__(self, "loads", tuple(self.loads))
+        if any(isinstance(load, Gravity) for load in self.loads):
+            raise ValueError("Wing.loads: expected loads beside the weight, found Gravity")
         if not self.name.isidentifier():
             raise ValueError(f"Wing.name: expected letters and digits, found {self.name!r}")
         if self.beam.section is None:
@@ -119,6 +131,12 @@ class Aircraft:
             names = [part.name for part in parts]
             if len(set(names)) < len(names):
                 raise ValueError(f"Aircraft.{field}: expected different names, found {names}")
+        rigid = ["weight", *(s.name for s in self.surfaces), *(t.name for t in self.thrusts)]
+        if len(set(rigid)) < len(rigid):
+            raise ValueError(
+                "Aircraft: expected different names of surfaces and thrusts, and none of them "
+                f"'weight'; found {rigid[1:]}"
+            )
         for thrust in self.thrusts:
             if thrust.name in self._deflections:
                 raise ValueError(
@@ -202,6 +220,9 @@ def aircraft_wrench(
     q : weights (n, 1), rad/m, by the name of the wing
     inputs : thrusts, N, and deflections, rad, by name; others are zero
     """
+    unknown = sorted(set(inputs) - set(aircraft.inputs))
+    if unknown:
+        raise ValueError(f"inputs: expected names of {[*aircraft.inputs]}, found {unknown}")
     total = sum(rigid_wrenches(aircraft, flight, inputs).values())
     for wing in aircraft.beams:
         total = total + wing_balance(wing, q[wing.name], flight, inputs).wrench

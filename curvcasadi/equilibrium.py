@@ -11,7 +11,7 @@ import numpy as np
 
 from curvcasadi.beam import Beam, numeric_length
 from curvcasadi.errors import ConvergenceError
-from curvcasadi.expressions import AnyExpr, Array, expression
+from curvcasadi.expressions import AnyExpr, Array, expression, function_name
 from curvcasadi.functions import free_symbols
 from curvcasadi.shape import Shape, shape_map
 from curvcasadi.statics import equilibrium_residual, equilibrium_tangent, parameter_slopes
@@ -23,7 +23,7 @@ _LARGEST_STEP = 1.5
 #: Largest change, rad, of a weight times the length from predictor to corrector on the same branch.
 _SAME_BRANCH = 1.0
 _ITERATIONS = 20
-_LEAST_LOAD_STEP = 1e-4
+_LEAST_LOAD_STEP = 1e-7
 #: Largest load step over which the tangent may become singular, as it does at a bifurcation.
 _CROSSING_STEP = 2e-3
 
@@ -94,14 +94,17 @@ def equilibrium_function(
 
     `fast_newton` on the residual with its structured derivative; derivatives of q with respect to
     the parameters follow from the implicit function theorem. It becomes self-contained C. Newton's
-    steps are full and the loads are not stepped: guess near the equilibrium, and check
-    `equilibrium_residual`.
+    steps are full and the loads are not stepped, and it never raises (NaN parameters give the guess
+    back): guess near the equilibrium, and check `equilibrium_residual`.
 
     Parameters
     ----------
     parameters : MX symbols in loads, attitude and section, by the name of their input
     """
+    function_name("name", name)
     parameters = dict(parameters or {})
+    if "q_guess" in parameters:
+        raise ValueError("parameters: expected names other than 'q_guess', found 'q_guess'")
     n = beam.basis.n
     residual = residual_function(
         beam, loads, parameters, attitude=attitude, name=f"{name}_residual"
@@ -274,7 +277,8 @@ def _continue(beam: Beam, newton: _Newton, q: Array) -> Equilibrium:
             result = _equilibrium(beam, newton, q, factor, steps)
             raise ConvergenceError(
                 f"loads: equilibrium is lost beyond {factor:.4g} of the loads, with the largest "
-                f"weight {np.max(np.abs(q)):.3g} rad/m; the loads may have a limit there",
+                f"weight {np.max(np.abs(q)):.3g} rad/m; they may have a limit there, or be far "
+                "too large",
                 result,
             )
     return _equilibrium(beam, newton, q, 1.0, steps)
@@ -282,9 +286,14 @@ def _continue(beam: Beam, newton: _Newton, q: Array) -> Equilibrium:
 
 def _equilibrium(beam: Beam, newton: _Newton, q: Array, factor: float, steps: int) -> Equilibrium:
     residual, _, _ = newton.evaluate(q, factor)
+    try:
+        shape = shape_map(beam, q)
+    except ValueError as error:
+        message = f"loads: the equilibrium is beyond the limits of the beam: {error}"
+        raise ValueError(message) from None
     return Equilibrium(
         q=ca.DM(q),
-        shape=shape_map(beam, q),
+        shape=shape,
         residual_norm=float(np.max(np.abs(residual))),
         iterations=newton.iterations,
         load_steps=steps,

@@ -110,11 +110,11 @@ class Grid:
         """Degree in θ² of the polynomials of an element's exponential."""
         return degree_for(self.max_angle, self.real)
 
-    def stations(self, breaks: tuple[float, ...] = ()) -> Array:
+    def stations(self, breaks: tuple[float, ...] = (), least: int = 1) -> Array:
         """Element boundaries (N + 1,) of a beam whose smoothness ends at `breaks`.
 
         Every break is a boundary. A uniform or Lobatto grid shares its elements among the panels
-        between breaks by their length, at least one each; a custom grid gains the breaks.
+        between breaks by their length, at least `least` each; a custom grid gains the breaks.
         """
         panels = np.array([0.0, *breaks, 1.0])
         if self.kind == "custom":
@@ -125,19 +125,19 @@ class Grid:
             for left, right, n in zip(
                 panels[:-1],
                 panels[1:],
-                _shares(cast(int, self.elements), np.diff(panels)),
+                _shares(cast(int, self.elements), np.diff(panels), least),
                 strict=True,
             )
         ]
         return np.concatenate([*pieces, [1.0]])
 
-    def panels(self, breaks: tuple[float, ...] = ()) -> tuple[Panel, ...]:
-        """Quadrature between the breaks, on `stations(breaks)`.
+    def panels(self, breaks: tuple[float, ...] = (), least: int = 1) -> tuple[Panel, ...]:
+        """Quadrature between the breaks, on `stations(breaks, least)`.
 
         Gauss–Lobatto weights on a Lobatto grid (exact for polynomials of degree 2 n − 1 of n
         elements), else weights of order 4, or less where a panel has fewer than three elements.
         """
-        stations = self.stations(breaks)
+        stations = self.stations(breaks, least)
         ends = np.searchsorted(stations, [0.0, *breaks, 1.0])
         return tuple(
             _panel(self, np.arange(a, b + 1), stations[a : b + 1]) for a, b in pairwise(ends)
@@ -193,9 +193,9 @@ def _uniform_points(n: int) -> Array:
     return np.linspace(0.0, 1.0, n + 1)
 
 
-def _shares(total: int, lengths: Array) -> list[int]:
-    """Whole numbers of at least one, proportional to `lengths`, that sum to `total` if they can."""
-    shares = np.ones(len(lengths), dtype=int)
+def _shares(total: int, lengths: Array, least: int) -> list[int]:
+    """Whole numbers from `least`, proportional to `lengths`, that sum to `total` if they can."""
+    shares = np.full(len(lengths), least)
     while shares.sum() < total:
         shares[np.argmax(lengths / shares)] += 1
     return [int(share) for share in shares]

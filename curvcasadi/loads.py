@@ -20,7 +20,15 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam import Beam, merged_breaks
-from curvcasadi.expressions import AnyExpr, Array, Number, choice, expression, station
+from curvcasadi.expressions import (
+    AnyExpr,
+    Array,
+    Number,
+    choice,
+    expression,
+    rotation_matrix,
+    station,
+)
 from curvcasadi.grid import Panel
 from curvcasadi.lie import so3
 from curvcasadi.section import Section
@@ -142,9 +150,23 @@ def load_breaks(loads: Sequence[Any]) -> tuple[float, ...]:
 
 
 def loaded_mesh(beam: Beam, loads: Sequence[Any]) -> Mesh:
-    """Stations of `beam` and panels that also break where `loads` begin, end or jump."""
+    """Stations of `beam` and panels that also break where `loads` begin, end or jump.
+
+    Where loads are distributed, a panel has three elements at least: fewer do not integrate them.
+    """
     breaks = merged_breaks([*beam.breaks, *load_breaks(loads)])
-    return Mesh(beam.grid.stations(breaks), beam.grid.panels(breaks))
+    least = _LEAST_ELEMENTS if breaks and any(_is_distributed(beam, load) for load in loads) else 1
+    return Mesh(beam.grid.stations(breaks, least), beam.grid.panels(breaks, least))
+
+
+#: Elements that a panel between two breaks needs for the quadrature of a distributed load.
+_LEAST_ELEMENTS = 3
+
+
+def _is_distributed(beam: Beam, load: Any) -> bool:
+    if isinstance(load, Gravity):
+        return beam.section is not None and beam.section.mass_per_length is not None
+    return not isinstance(load, (PointForce, PointMoment))
 
 
 def station_loads(
@@ -156,7 +178,7 @@ def station_loads(
     ----------
     attitude : (3, 3), parent to inertial axes; None if they are the same
     """
-    to_parent = ca.DM.eye(3) if attitude is None else attitude.T
+    to_parent = ca.DM.eye(3) if attitude is None else rotation_matrix("attitude", attitude).T
     totals: list[AnyExpr] = [None for _ in mesh.stations]
     others: list[StationLoads] = [[] for _ in mesh.stations]
     for load in loads:

@@ -1,5 +1,8 @@
 """Mistakes of a new user are named: the argument, what was expected, what was found."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -110,3 +113,73 @@ def test_the_whole_wing_is_drawn():
     (axes,) = plot_shape(WING, np.zeros(9)).axes
     # matplotlib clips to a square that a wide wing leaves.
     assert not any(artist.get_clip_on() for artist in [*axes.lines, *axes.collections])
+
+
+def hale_aircraft():
+    return cc.load_aircraft(Path(__file__).parents[1] / "ocp_examples" / "hale_aircraft.toml")
+
+
+def surface_named(name):
+    plane = hale_aircraft()
+    return lambda: replace(plane, surfaces=(replace(plane.surfaces[0], name=name),))
+
+
+AIRCRAFT_MISTAKES = {
+    "surface named as the weight": (surface_named("weight"), "Aircraft: expected different names"),
+    "surface named as the thrust": (surface_named("thrust"), "Aircraft: expected different names"),
+    "direction of two": (
+        lambda: cc.Thrust(direction=[2, 0, 0]),
+        r"Thrust\.direction: expected a unit vector",
+    ),
+    "pose that is no rotation": (
+        lambda: replace(
+            hale_aircraft().surfaces[0], pose=cc.Pose(rotation=2 * np.eye(3), position=[0, 0, 0])
+        ),
+        r"LiftingSurface\.pose\.rotation: expected orthonormal columns",
+    ),
+    "weight twice": (
+        lambda: replace(hale_aircraft().beams[0], loads=(cc.Gravity([0, 0, 9.81]),)),
+        r"Wing\.loads: expected loads beside the weight, found Gravity",
+    ),
+    "climb of ten degrees in degrees": (
+        lambda: cc.trim(hale_aircraft(), speed=28, density=0.0889, flight_path=10),
+        "flight_path: expected an angle within ±π/2 rad, found 10",
+    ),
+    "attitude that is no rotation": (
+        lambda: cc.generalized_force(
+            WING, np.zeros(9), [cc.Gravity([0, 0, 9.81])], attitude=2 * np.eye(3)
+        ),
+        "attitude: expected orthonormal columns",
+    ),
+    "load beyond the beam": (
+        lambda: cc.solve_equilibrium(WING, [cc.PointForce(1.0, [0, 0, -1e5])]),
+        "loads: the equilibrium is beyond the limits of the beam",
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", AIRCRAFT_MISTAKES)
+def test_mistakes_with_loads_and_aircraft_are_named(mistake):
+    call, message = AIRCRAFT_MISTAKES[mistake]
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+@pytest.mark.parametrize("kind", ["uniform", "lobatto"])
+def test_breaks_do_not_spoil_distributed_loads(kind):
+    edges = (0, 0.1, 0.2, 0.35, 0.5, 0.77, 1)
+    beams = [
+        cc.Beam(
+            length=16.0,
+            basis=cc.ChannelBasis(out_of_plane=cc.Legendre(5)),
+            grid=getattr(cc.Grid, kind)(elements),
+            section=cc.Section(GJ=1e4, EI_y=EI, EI_z=4e6),
+        )
+        for EI, elements in ((cc.Steps(edges, [2e4] * 6), 8), (2e4, 64))
+    ]
+    load = [cc.DistributedForce([0, 0, 1.0])]
+    broken, whole = (cc.generalized_force(beam, np.zeros(5), load).full() for beam in beams)
+    # Three elements to a panel: Gauss–Lobatto is exact to degree 5, other weights to degree 3, of a
+    # displacement of degree 6. With one element to a panel the error was 4e-3.
+    tolerance = {"lobatto": 1e-5, "uniform": 1e-4}[kind]
+    np.testing.assert_allclose(broken, whole, atol=tolerance * np.abs(whole).max())

@@ -48,11 +48,11 @@ def surface(name, position, rotation, area, *controls):
 TAIL = surface(
     "tail", [-10, 0, 0], RIGHT_WING_ROOT.rotation, 2.5, ControlSurface(name="elevator", lift=3.0)
 )
-# Span up, leading edge forward, so that the upper side is the right one.
+# Span up, leading edge forward: z = x × y, and with it the upper side, is to the left.
 FIN = surface(
     "fin",
     [-10, 0, -1],
-    [[0, 1, 0], [0, 0, 1], [-1, 0, 0]],
+    [[0, 1, 0], [0, 0, -1], [-1, 0, 0]],
     1.5,
     ControlSurface(name="rudder", lift=3.0),
 )

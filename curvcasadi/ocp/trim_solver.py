@@ -127,6 +127,8 @@ class TrimSolver:
         gravity = positive("gravity", case.gravity)
         path = 0.0 if case.flight_path is None else case.flight_path
         path = float(expression("flight_path", path, (1, 1)))
+        if not -np.pi / 2 < path < np.pi / 2:
+            raise ValueError(f"flight_path: expected an angle within ±π/2 rad, found {path}")
         p = np.array([speed, density, gravity, np.sin(path), 1.0])
         unknown = np.zeros(self.problem.x.shape[0])
         heavy, weightless = (

@@ -64,9 +64,10 @@ def solve_equilibrium(
     Raises
     ------
     ConvergenceError
-        If the loads cannot be reached; its `result` is the last equilibrium, with its load factor.
+        If the loads cannot be reached, or not within `Beam.weight_bounds` and `Grid.max_angle`; its
+        `result` is the last equilibrium, with its load factor and shape.
     ValueError
-        For symbols, loads off the beam, and shapes beyond `Beam.weight_bounds` or `Grid.max_angle`.
+        For symbols and loads off the beam.
     """
     n = beam.basis.n
     length = numeric_length(beam, "solve_equilibrium")
@@ -76,8 +77,9 @@ def solve_equilibrium(
         guess = expression("q_guess", q_guess, (n, 1)).full().ravel()
 
     q = newton.correct(guess, 1.0, largest=np.inf if q_guess is not None else _LARGEST_STEP)
-    if q is not None and (q_guess is not None or not newton.crossings(q, 1.0)):
-        return _equilibrium(beam, newton, q, 1.0, steps=1)
+    if q is not None and not _exceeded(beam, q):
+        if q_guess is not None or not newton.crossings(q, 1.0):
+            return _equilibrium(beam, newton, q, 1.0, steps=1)
     return _continue(beam, newton, np.zeros(n))
 
 
@@ -255,8 +257,18 @@ class _Newton:
         return int(np.sum(real & (eigenvalues.real < 0)))
 
 
+def _exceeded(beam: Beam, q: Array) -> str:
+    """Which limit of the beam the weights exceed, in words; empty if none."""
+    try:
+        shape_map(beam, q)
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
 def _continue(beam: Beam, newton: _Newton, q: Array) -> Equilibrium:
     factor, step, steps, crossings = 0.0, 0.25, 0, 0
+    reason = "the loads may have a limit there, or be far too large"
     while factor < 1:
         target = min(1.0, factor + step)
         slope = newton.predict(q, factor)
@@ -268,6 +280,9 @@ def _continue(beam: Beam, newton: _Newton, q: Array) -> Equilibrium:
         crossed = crossings if found is None else newton.crossings(found, target)
         if crossed != crossings and step > _CROSSING_STEP:
             found = None  # on the branch itself a small step finds the same crossing
+        exceeded = "" if found is None else _exceeded(beam, found)
+        if exceeded:
+            found, reason = None, f"the beam is at its limit: {exceeded}"
         if found is not None:
             q, factor, steps, crossings = found, target, steps + 1, crossed
             step *= 1.5
@@ -277,8 +292,7 @@ def _continue(beam: Beam, newton: _Newton, q: Array) -> Equilibrium:
             result = _equilibrium(beam, newton, q, factor, steps)
             raise ConvergenceError(
                 f"loads: equilibrium is lost beyond {factor:.4g} of the loads, with the largest "
-                f"weight {np.max(np.abs(q)):.3g} rad/m; they may have a limit there, or be far "
-                "too large",
+                f"weight {np.max(np.abs(q)):.3g} rad/m; {reason}",
                 result,
             )
     return _equilibrium(beam, newton, q, 1.0, steps)
@@ -286,14 +300,9 @@ def _continue(beam: Beam, newton: _Newton, q: Array) -> Equilibrium:
 
 def _equilibrium(beam: Beam, newton: _Newton, q: Array, factor: float, steps: int) -> Equilibrium:
     residual, _, _ = newton.evaluate(q, factor)
-    try:
-        shape = shape_map(beam, q)
-    except ValueError as error:
-        message = f"loads: the equilibrium is beyond the limits of the beam: {error}"
-        raise ValueError(message) from None
     return Equilibrium(
         q=ca.DM(q),
-        shape=shape,
+        shape=shape_map(beam, q),
         residual_norm=float(np.max(np.abs(residual))),
         iterations=newton.iterations,
         load_steps=steps,

@@ -20,6 +20,7 @@ from curvcasadi.aero import (
     mirror_aero,
     strip_forces,
 )
+from curvcasadi.aero.load import _speed_and_angle
 from curvcasadi.loads import loaded_mesh, sites
 from curvcasadi.reference_wings import RIGHT_WING_ROOT
 from curvcasadi.statics import balance, parameter_slopes, root_wrench
@@ -249,3 +250,13 @@ def test_chord_below_zero_along_the_span_is_named(right):
     strips = StripAerodynamics(chord=lambda xi: 1 - 2 * xi, aerodynamic_center=0, lift_slope=6)
     with pytest.raises(ValueError, match=r"StripAerodynamics.chord at xi = "):
         root_wrench(right, WEIGHTS, [AerodynamicLoad(strips=strips, flow=FLOW)])
+
+
+@pytest.mark.parametrize("kind", [ca.SX, ca.MX])
+def test_the_angle_of_attack_has_a_finite_derivative_in_still_air(kind):
+    v = kind.sym("v", 2)
+    speed, angle = _speed_and_angle(v[0], v[1])
+    slope = ca.Function("slope", [v], [ca.jacobian(ca.vertcat(speed, angle), v)])
+    assert_allclose(slope([0, 0]), np.zeros((2, 2)), atol=0)
+    # Beside it they are those of the norm and of atan2(−V3, V2).
+    assert_allclose(slope([3, -4]), [[0.6, -0.8], [-4 / 25, -3 / 25]], rtol=1e-14)

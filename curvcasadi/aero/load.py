@@ -22,7 +22,7 @@ import numpy as np
 from curvcasadi import chain
 from curvcasadi.aero.strip import StripAerodynamics, coefficients
 from curvcasadi.beam import Beam
-from curvcasadi.expressions import AnyExpr, Number, expression, positive
+from curvcasadi.expressions import AnyExpr, Number, expression, positive, rotation_matrix
 from curvcasadi.loads import Contributions, Mesh, WrenchFormula, contributions, loaded_mesh, sites
 from curvcasadi.shape import poses
 
@@ -166,7 +166,7 @@ def strip_forces(
     q = expression("q", q, (beam.basis.n, 1))
     mesh = loaded_mesh(beam, [load])
     frames = poses(beam, q, mesh.stations.tolist())
-    to_parent = ca.DM.eye(3) if attitude is None else attitude.T
+    to_parent = ca.DM.eye(3) if attitude is None else rotation_matrix("attitude", attitude).T
     columns = []
     for site in sites(beam, mesh):
         frame = frames[site.node]

@@ -11,9 +11,9 @@ Its cost is linear in the number of elements. Nothing here depends on the beam's
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import casadi as ca
-import numpy as np
 
 from curvcasadi import chain, element
 from curvcasadi.beam import Beam
@@ -54,19 +54,14 @@ def body_jacobian_rate(beam: Beam, q: AnyExpr, q_dot: AnyExpr, xi: float = 1.0) 
     """
     q, q_dot = _weights_and_rate(beam, q, q_dot)
     beam_chain = chain.build(beam, (station("xi", xi),))
-    n = beam.basis.n
-    start = ca.vertcat(chain.IDENTITY, ca.DM.zeros(6 + 12 * n))
-    (state,) = beam_chain.march(_rate_step(beam_chain.pattern), start, q, q_dot)
-    rotation, position = chain.unpack_pose(state)
-    omega, v = state[12:15], state[15:18]
-    a, b, a_rate, b_rate = (
-        ca.reshape(part, 3, n)
-        for part in ca.vertsplit(state[18:], [0, 3 * n, 6 * n, 9 * n, 12 * n])
-    )
-    omega_hat = so3.hat(omega)
+    motion = Motion(q=q, q_dot=q_dot)
+    (state,) = motion_states(beam_chain, motion, order=1, jacobian=True)
+    at_station = unpack_motion(state, order=1)
+    (a, b), (a_rate, b_rate) = at_station.sums
+    omega_hat = so3.hat(at_station.twist[:3])
     angular = a_rate - omega_hat @ a
-    linear = b_rate - so3.hat(v) @ a - omega_hat @ b
-    return _to_body(rotation, position, angular, linear)
+    linear = b_rate - so3.hat(at_station.twist[3:]) @ a - omega_hat @ b
+    return _to_body(at_station.rotation, at_station.position, angular, linear)
 
 
 def body_twist(
@@ -87,15 +82,85 @@ def body_twist(
     """
     q, q_dot = _weights_and_rate(beam, q, q_dot)
     beam_chain = chain.build(beam, (station("xi", xi),))
-    start = ca.vertcat(chain.IDENTITY, ca.DM.zeros(6))
-    (state,) = beam_chain.march(_twist_step(beam_chain.pattern), start, q, q_dot)
-    rotation, position = chain.unpack_pose(state)
-    twist = state[12:]
+    motion = Motion(q=q, q_dot=q_dot)
     if root_twist is not None:
         root_twist = expression("root_twist", root_twist, (6, 1))
         same_kind(q=q, q_dot=q_dot, root_twist=root_twist, **beam.design_symbols)
-        twist = twist + root_twist
-    return _to_body(rotation, position, twist[:3], twist[3:])
+        motion = motion._replace(root_twist=root_twist)
+    (state,) = motion_states(beam_chain, motion, order=1)
+    at_station = unpack_motion(state, order=1)
+    twist = at_station.twist
+    return _to_body(at_station.rotation, at_station.position, twist[:3], twist[3:])
+
+
+class Motion(NamedTuple):
+    """Weights and root in motion; what is None is at rest."""
+
+    q: AnyExpr
+    q_dot: AnyExpr = None
+    q_ddot: AnyExpr = None
+    root_twist: AnyExpr = None  #: (6, 1) body twist of the root, root axes
+    root_twist_rate: AnyExpr = None  #: (6, 1), derivative of its components
+
+
+class StationMotion(NamedTuple):
+    """A station in the inertial axes that coincide with the root's at this instant.
+
+    Twist and acceleration are spatial: (Ω, v) of the material at the origin of these axes, and its
+    rate. `sums` are the spatial Jacobian (A, B), (3, n) each, and its rates in these axes.
+    """
+
+    rotation: AnyExpr
+    position: AnyExpr
+    twist: AnyExpr
+    acceleration: AnyExpr
+    sums: tuple[tuple[AnyExpr, AnyExpr], ...]
+
+
+def motion_states(
+    beam_chain: chain.Chain, motion: Motion, order: int, jacobian: bool = False
+) -> list[AnyExpr]:
+    """States at the stations of a chain: see `unpack_motion`.
+
+    With V = T_t T⁻¹ the spatial twist, root motion included, J_s = [A; B] the spatial Jacobian, and
+    rates taken along the motion in inertial axes, the Maurer–Cartan identity
+    ∂_i J_j − ∂_j J_i = [J_i, J_j] makes rates of derivatives:
+
+        body twist:    ∂/∂q = Ad(T⁻¹) dJ_s/dt,      ∂/∂q_dot = Ad(T⁻¹) J_s
+        velocity and acceleration of a material point, with G = B + A × p:
+                       ∂p_tt/∂q = G_tt,   ∂p_tt/∂q_dot = 2 G_t,   ∂p_tt/∂q_ddot = G
+
+    Parameters
+    ----------
+    order : 0 for poses, 1 for twists, 2 for accelerations
+    jacobian : whether the sums are marched, too, and their rates up to `order`
+    """
+    n, zero = beam_chain.pattern.n, ca.DM.zeros(6)
+    root = (motion.root_twist, motion.root_twist_rate)[:order]
+    start = [chain.IDENTITY, *(zero if value is None else value for value in root)]
+    if jacobian:
+        start.append(ca.DM.zeros(6 * n * (order + 1)))
+    arguments = [motion.q]
+    if order:
+        arguments.append(ca.DM.zeros(n) if motion.q_dot is None else motion.q_dot)
+    if order == 2 and motion.q_ddot is not None:
+        arguments.append(motion.q_ddot)
+    step = _motion_step(beam_chain.pattern, order, len(arguments) - 1, jacobian)
+    return beam_chain.march(step, ca.vertcat(*start), *arguments)
+
+
+def unpack_motion(state: AnyExpr, order: int) -> StationMotion:
+    """Parts of a state (vec R, p, twist, acceleration, vec A, vec B, vec A', vec B' …)."""
+    first = 12 + 6 * order
+    size = (state.numel() - first) // (6 * order + 6)
+    sums = []
+    for k in range(order + 1 if size else 0):
+        middle = first + (6 * k + 3) * size
+        a, b = state[middle - 3 * size : middle], state[middle : middle + 3 * size]
+        sums.append((ca.reshape(a, 3, size), ca.reshape(b, 3, size)))
+    twist = state[12:18] if order else ca.DM.zeros(6)
+    acceleration = state[18:24] if order == 2 else ca.DM.zeros(6)
+    return StationMotion(*chain.unpack_pose(state), twist, acceleration, tuple(sums))
 
 
 def jacobian_states(
@@ -169,65 +234,60 @@ def _jacobian_step(pattern: Pattern) -> ca.Function:
 
 
 @lru_cache(maxsize=256)
-def _twist_step(pattern: Pattern) -> ca.Function:
-    """(q, q_dot, state, data) -> state, state = (vec R, p, Ω, v), the twist spatial."""
-    symbols = chain.interval(pattern)
-    q_dot, state = ca.SX.sym("q_dot", pattern.n), ca.SX.sym("state", 18)
-    rotation, position, angular, linear = interval_tangent(pattern, state, symbols)
-    rate = symbols.directions @ q_dot
-    twist = state[12:] + ca.vertcat(angular @ rate, linear @ rate)
-    return chain.step_function(
-        "element_twist",
-        {"q": symbols.q, "q_dot": q_dot},
-        state,
-        symbols.data,
-        ca.veccat(rotation, position, twist),
-    )
+def _motion_step(pattern: Pattern, order: int, rates: int, jacobian: bool) -> ca.Function:
+    """(q, q_dot, q_ddot, state, data) -> state, with the first `rates` of the rates of q.
 
-
-@lru_cache(maxsize=256)
-def _rate_step(pattern: Pattern) -> ca.Function:
-    """(q, q_dot, state, data) -> state, state = (vec R, p, Ω, v, vec A, vec B, vec A', vec B').
-
-    The rate of an element's contribution is its derivative along the motion of the element's own
-    start pose and moments: AD of one element, never of the chain.
+    The rates of an element's contribution are its derivatives along the motion of the element's own
+    start pose and moments, as Taylor polynomials of the time: AD of one element, never of the
+    chain.
     """
     n = pattern.n
     symbols = chain.interval(pattern)
-    q_dot, state = ca.SX.sym("q_dot", n), ca.SX.sym("state", 18 + 12 * n)
-    rotation, position, angular, linear = interval_tangent(pattern, state, symbols)
-    contribution = ca.vertcat(angular, linear)
+    directions = symbols.directions[1:, :n]
+    weight_rates = {name: ca.SX.sym(name, n) for name in ("q_dot", "q_ddot")[:rates]}
+    moment_rates = [directions @ rate for rate in weight_rates.values()]
+    moment_rates += [ca.SX(directions.shape[0], 1)] * (order - rates)
+    state = ca.SX.sym("state", 12 + 6 * order + 6 * n * (order + 1) * jacobian)
+    start = unpack_motion(state, order)
 
-    local = (ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3), ca.SX.sym("M", *symbols.moments.shape))
-    r, p, m = local
+    t = ca.SX.sym("t")
+    rotation, position, moments = _taylor(start, symbols.moments, moment_rates, t)
     tangent = element.advance_with_tangent(
-        r, p, symbols.h, m, pattern.rule, pattern.exponential, pattern.degree
+        rotation, position, symbols.h, moments, pattern.rule, pattern.exponential, pattern.degree
     )
-    omega, v = state[12:15], state[15:18]
-    start_rotation, start_position = chain.unpack_pose(state)
-    moment_rate = symbols.directions[1:, :] @ q_dot
-    motion = ca.veccat(
-        so3.hat(omega) @ start_rotation, v + ca.cross(omega, start_position), moment_rate
-    )
-    rate = ca.jtimes(ca.veccat(tangent[2], tangent[3]), ca.veccat(*local), motion)
-    rate = ca.substitute(
-        rate, ca.veccat(*local), ca.veccat(start_rotation, start_position, symbols.moments)
-    )
-    columns = angular.shape[1]
-    angular_rate = ca.reshape(rate[: 3 * columns], 3, columns)
-    linear_rate = ca.reshape(rate[3 * columns :], 3, columns)
+    series = [ca.vertcat(tangent[2], tangent[3])[:, 1:]]
+    for _ in range(order):
+        series.append(ca.reshape(ca.jacobian(ca.vec(series[-1]), t), *series[0].shape))
+    end, *blocks = ca.substitute([ca.veccat(*tangent[:2]), *series], [t], [0])
 
-    sums = ca.vertsplit(state[18:], np.arange(0, 12 * n + 1, 3 * n).tolist())
-    added = (angular, linear, angular_rate, linear_rate)
-    next_sums = [
-        ca.reshape(total, 3, n) + block @ symbols.directions
-        for total, block in zip(sums, added, strict=True)
-    ]
-    twist = state[12:18] + contribution @ symbols.directions @ q_dot
+    parts = [end]
+    if order:
+        parts.append(start.twist + blocks[0] @ moment_rates[0])
+    if order == 2:
+        added = blocks[1] @ moment_rates[0] + blocks[0] @ moment_rates[1]
+        parts.append(start.acceleration + added)
+    for (a, b), block in zip(start.sums, blocks, strict=False):
+        parts += [a + block[:3, :] @ directions, b + block[3:, :] @ directions]
     return chain.step_function(
-        "element_jacobian_rate",
-        {"q": symbols.q, "q_dot": q_dot},
-        state,
-        symbols.data,
-        ca.veccat(rotation, position, twist, *next_sums),
+        "element_motion", {"q": symbols.q, **weight_rates}, state, symbols.data, ca.veccat(*parts)
     )
+
+
+def _taylor(
+    start: StationMotion, moments: ca.SX, moment_rates: list[ca.SX], t: ca.SX
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Pose of a material frame and moments of its element after the time `t`."""
+    rotation, position = start.rotation, start.position
+    rates = [ca.reshape(rate, *moments.shape) for rate in moment_rates]
+    if rates:
+        omega, v = so3.hat(start.twist[:3]), start.twist[3:]
+        turning, velocity = omega @ rotation, v + omega @ position
+        rotation, position = rotation + t * turning, position + t * velocity
+        moments = moments + t * rates[0]
+    if len(rates) == 2:
+        alpha = so3.hat(start.acceleration[:3])
+        rotation += t**2 / 2 * (alpha @ start.rotation + omega @ turning)
+        bent = start.acceleration[3:] + alpha @ start.position + omega @ velocity
+        position += t**2 / 2 * bent
+        moments += t**2 / 2 * rates[1]
+    return rotation, position, moments

@@ -25,6 +25,7 @@ benchmarks: $(VENV)/installed-test
 figures: $(VENV)/installed
 	$(BIN)/python -m docs.figures
 	$(BIN)/python -m docs.published
+	$(BIN)/python -m docs.euler_angles
 
 $(VENV)/installed: pyproject.toml
 	@$(MAKE) --no-print-directory $(VENV)/bin/pip

@@ -15,6 +15,7 @@ def run(name, folder):
 
 def test_every_example_is_tested():
     assert {path.stem for path in EXAMPLES.glob("*.py")} == {
+        "compare_with_euler_angles",
         "design_stiffness",
         "match_measured_shape",
         "reach_tip_pose",
@@ -68,3 +69,17 @@ def test_design_stiffness_puts_it_at_the_root(tmp_path):
     assert height == pytest.approx(2, abs=1e-5)  # the bound is active, to the solver's tolerance
     assert uniform > 2.5
     assert (tmp_path / "out" / "design_stiffness.png").exists()
+
+
+def test_curvature_weights_are_exact_to_the_basis_and_better_than_superposed_angles(tmp_path):
+    loaded, in_basis = run("compare_with_euler_angles", tmp_path).values()
+    assert in_basis["curvature weights"].max() < 1e-9  # of the span, and degrees
+    assert np.all(in_basis["Euler angles"][:, -1] > [1e-4, 0.1])
+    ours = loaded["curvature weights"]
+    modes, angles = loaded["displacement modes"], loaded["Euler angles"]
+    assert np.all(ours < np.minimum(modes, angles))
+    gains = np.array([modes, angles])[:, :, -1] / ours[:, -1]  # the tip at 60 % of the span
+    assert np.all(gains > [[200, 3], [1.5, 1.2]])
+    # Superposed angles in exact rotations are no straw man.
+    assert np.all(gains[1] < 2)
+    assert (tmp_path / "out" / "compare_with_euler_angles.png").exists()

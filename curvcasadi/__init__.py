@@ -96,6 +96,21 @@ from curvcasadi.pose import Pose
 from curvcasadi.pose_function import pose_function, tip_function
 from curvcasadi.resolution import elements_for
 from curvcasadi.section import Body, Section, Steps, condense_axial
+from curvcasadi.sensors import (
+    Accelerometer,
+    AttitudeSensor,
+    Camera,
+    Magnetometer,
+    Marker,
+    RateGyro,
+    RootMotion,
+    ShearGauge,
+    StrainGauge,
+    measure,
+    measurement_function,
+    measurement_residual,
+    sensor_channels,
+)
 from curvcasadi.shape import Shape, curvature, pose_at, shape_map, squared_element_angles
 from curvcasadi.statics import (
     equilibrium_residual,
@@ -106,11 +121,14 @@ from curvcasadi.statics import (
 )
 
 __all__ = [
+    "Accelerometer",
     "AerodynamicLoad",
     "Aircraft",
+    "AttitudeSensor",
     "BSpline",
     "Beam",
     "Body",
+    "Camera",
     "CantileverModes",
     "ChannelBasis",
     "Chebyshev",
@@ -128,6 +146,8 @@ __all__ = [
     "Layout",
     "Legendre",
     "LiftingSurface",
+    "Magnetometer",
+    "Marker",
     "ModalBasis",
     "Modes",
     "Monomial",
@@ -136,11 +156,15 @@ __all__ = [
     "PointForce",
     "PointMoment",
     "Pose",
+    "RateGyro",
     "RigidBody",
+    "RootMotion",
     "Section",
     "Shape",
     "ShapeResult",
+    "ShearGauge",
     "Steps",
+    "StrainGauge",
     "StripAerodynamics",
     "StripForces",
     "Tabulated",
@@ -169,6 +193,9 @@ __all__ = [
     "load_beam",
     "load_modes",
     "load_wing",
+    "measure",
+    "measurement_function",
+    "measurement_residual",
     "mirror",
     "mirror_aero",
     "mirror_wing",
@@ -178,6 +205,7 @@ __all__ = [
     "reach_shape",
     "rk4_step",
     "root_wrench",
+    "sensor_channels",
     "shape_map",
     "shape_target_function",
     "solve_equilibrium",

@@ -1,0 +1,40 @@
+"""Sensors on a wing, what they read, and the derivatives of it."""
+
+from curvcasadi.sensors.channels import Channels, sensor_channels
+from curvcasadi.sensors.descriptions import (
+    Accelerometer,
+    AttitudeSensor,
+    Camera,
+    Magnetometer,
+    Marker,
+    RateGyro,
+    Sensor,
+    ShearGauge,
+    StrainGauge,
+)
+from curvcasadi.sensors.measurement import (
+    Measurement,
+    measure,
+    measurement_function,
+    measurement_residual,
+)
+from curvcasadi.sensors.root_motion import RootMotion
+
+__all__ = [
+    "Accelerometer",
+    "AttitudeSensor",
+    "Camera",
+    "Channels",
+    "Magnetometer",
+    "Marker",
+    "Measurement",
+    "RateGyro",
+    "RootMotion",
+    "Sensor",
+    "ShearGauge",
+    "StrainGauge",
+    "measure",
+    "measurement_function",
+    "measurement_residual",
+    "sensor_channels",
+]

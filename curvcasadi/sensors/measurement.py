@@ -1,0 +1,185 @@
+"""Measurements of a set of sensors, stacked: values, residuals, and structured derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import casadi as ca
+
+from curvcasadi.beam import Beam
+from curvcasadi.expressions import (
+    AnyExpr,
+    Array,
+    choice,
+    expression,
+    function_name,
+    instance,
+    same_kind,
+)
+from curvcasadi.functions import function
+from curvcasadi.pose import Pose
+from curvcasadi.sensors import station_functions
+from curvcasadi.sensors.channels import Channels, checked_sensors
+from curvcasadi.sensors.descriptions import Sensor
+from curvcasadi.sensors.readout import Readout
+from curvcasadi.sensors.root_motion import RootMotion
+
+#: What a measurement varies with: columns of the derivatives. That of an attitude is on the right.
+VARIABLES = ("q", "q_dot", "q_ddot", "attitude", "position", "twist", "twist_rate")
+KINDS: dict[str, Any] = {"compact": ca.MX, "unrolled": ca.SX}
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """Stacked measurements of sensors, without noise."""
+
+    values: AnyExpr  #: (m, 1)
+    channels: Channels  #: what stands in which row
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """One per value."""
+        return self.channels.labels
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """One per value."""
+        return self.channels.units
+
+    @property
+    def noise(self) -> Array:
+        """Standard deviation of a sample of each residual."""
+        return self.channels.noise
+
+
+def measure(
+    sensors: Sequence[Sensor],
+    beam: Beam,
+    q: AnyExpr,
+    q_dot: AnyExpr | None = None,
+    q_ddot: AnyExpr | None = None,
+    root: RootMotion | None = None,
+) -> Measurement:
+    """What `sensors` on `beam` read, as expressions of the kind of the arguments.
+
+    Parameters
+    ----------
+    q : (n, 1), rad/m
+    q_dot : (n, 1), rad/(m s); needed by gyros and accelerometers
+    q_ddot : (n, 1), rad/(m s²); where it is None, accelerometers leave its part out
+    root : motion of the root, clamped to the ground where None; gravity is needed by
+        accelerometers, the magnetic field by magnetometers
+
+    Raises
+    ------
+    ValueError
+        As `shape_map`; and if something that a sensor reads is missing.
+    """
+    readout = Readout.of(sensors, beam, q, q_dot, q_ddot, root)
+    if readout.order and q_dot is None:
+        raise ValueError(
+            f"q_dot: expected shape {(beam.basis.n, 1)} for gyros and accelerometers, found None; "
+            "zeros are a wing at rest"
+        )
+    return Measurement(readout.kind(readout.values()), readout.channels)
+
+
+def measurement_residual(
+    sensors: Sequence[Sensor],
+    beam: Beam,
+    measured: AnyExpr,
+    q: AnyExpr,
+    q_dot: AnyExpr | None = None,
+    q_ddot: AnyExpr | None = None,
+    root: RootMotion | None = None,
+) -> AnyExpr:
+    """Prediction minus measurement, (r, 1); of attitudes log(R_measuredᵀ R), rad.
+
+    Parameters
+    ----------
+    measured : (m, 1), rows as in `measure`; the others as there
+    """
+    predicted = measure(sensors, beam, q, q_dot, q_ddot, root)
+    layout = predicted.channels.layout
+    measured = expression("measured", measured, (layout.size, 1))
+    same_kind(measured=measured, values=predicted.values)
+    found, given = layout.split(predicted.values), layout.split(measured)
+    rows = [
+        station_functions.residual(type(sensor), found[part.name], given[part.name])
+        for sensor, part in zip(sensors, layout.parts, strict=True)
+    ]
+    return ca.vertcat(*rows)
+
+
+def measurement_function(
+    name: str,
+    sensors: Sequence[Sensor],
+    beam: Beam,
+    inputs: Sequence[str] | None = None,
+    root: RootMotion | None = None,
+    form: Literal["compact", "unrolled"] = "compact",
+) -> ca.Function:
+    """Measurements and their structured derivatives as one Function.
+
+    Parameters
+    ----------
+    inputs : its inputs in order, out of "q" (n, 1), "q_dot" (n, 1), "q_ddot" (n, 1), "attitude"
+        (3, 3) of the parent, to inertial axes, "position" (3, 1) of the parent, inertial axes, and
+        the root's "twist" (6, 1) and "twist_rate" (6, 1), root axes. Where None: q, and q_dot if a
+        sensor reads rates. Rates of q that are no inputs are zero; of the root, those of `root`.
+    root : numbers for what is no input; gravity and magnetic field
+    form : "compact" (MX, a chain of calls: small C) or "unrolled" (SX)
+
+    Returns
+    -------
+    casadi.Function
+        Inputs `inputs`, then measured (m, 1). Outputs values (m, 1), residual (r, 1) as
+        `measurement_residual` has it, and for each of `inputs` "residual_<input>", the derivative
+        of the residual, (r, columns). That by the attitude C has three columns, the rotation vector
+        φ in C exp([φ×]), rad, parent axes. A NaN in `measured` stays in the residual of its sensor
+        and, of an attitude sensor, in its rows of the derivatives. The derivative of a reading by
+        the sensor's own bias is the identity, and no output. Derivatives are values only: their own
+        are not attached.
+    """
+    function_name("name", name)
+    checked = checked_sensors(sensors)
+    instance("beam", beam, Beam)
+    n = beam.basis.n
+    kind = KINDS[choice("form", form, KINDS)]
+    shapes = dict(zip(VARIABLES, ((n, 1),) * 3 + ((3, 3), (3, 1), (6, 1), (6, 1)), strict=True))
+    names = _inputs(inputs, max(sensor.order for sensor in checked))
+    symbols = {key: kind.sym(key, *shapes[key]) for key in names}
+    root = _with_symbols(instance("root", root or RootMotion(), RootMotion), symbols)
+    readout = Readout.of(
+        checked, beam, symbols["q"], symbols.get("q_dot"), symbols.get("q_ddot"), root
+    )
+    measured = kind.sym("measured", readout.channels.layout.size)
+    columns = {key: 3 if key == "attitude" else shapes[key][0] for key in names}
+    outputs = readout.derivatives(measured, columns)
+    return function(name, {**symbols, "measured": measured}, outputs)
+
+
+def _inputs(inputs: Sequence[str] | None, order: int) -> list[str]:
+    if inputs is None:
+        return ["q", "q_dot"] if order else ["q"]
+    names = [inputs] if isinstance(inputs, str) else list(inputs)
+    for key in names:
+        choice("inputs", key, VARIABLES)
+    if len(set(names)) < len(names) or "q" not in names:
+        raise ValueError(f"inputs: expected 'q' and others, each once, found {names}")
+    return names
+
+
+def _with_symbols(root: RootMotion, symbols: dict[str, AnyExpr]) -> RootMotion:
+    return RootMotion(
+        pose=Pose(
+            rotation=symbols.get("attitude", root.pose.rotation),
+            position=symbols.get("position", root.pose.position),
+        ),
+        twist=symbols.get("twist", root.twist),
+        twist_rate=symbols.get("twist_rate", root.twist_rate),
+        gravity=root.gravity,
+        magnetic_field=root.magnetic_field,
+    )

@@ -1,0 +1,154 @@
+"""A set of sensors on a moving beam: one march, then a call per sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from curvcasadi import chain
+from curvcasadi.beam import Beam
+from curvcasadi.expressions import AnyExpr, expression, instance, is_numeric, same_kind
+from curvcasadi.kinematics import Motion, motion_states
+from curvcasadi.sensors.channels import Channels, checked_sensors, sensor_channels
+from curvcasadi.sensors.descriptions import Sensor, ShearGauge, StrainGauge
+from curvcasadi.sensors.readings import READINGS
+from curvcasadi.sensors.root_motion import RootMotion
+from curvcasadi.sensors.station_functions import (
+    derivative_function,
+    mount_fields,
+    value_function,
+)
+from curvcasadi.shape import curvature
+
+
+@dataclass(frozen=True, eq=False)
+class Readout:
+    """Checked arguments of a measurement."""
+
+    sensors: tuple[Sensor, ...]
+    channels: Channels
+    beam: Beam
+    motion: Motion
+    root: RootMotion
+    kind: type  #: SX, MX or DM
+
+    @classmethod
+    def of(
+        cls,
+        sensors: Sequence[Sensor],
+        beam: Beam,
+        q: AnyExpr,
+        q_dot: AnyExpr | None,
+        q_ddot: AnyExpr | None,
+        root: RootMotion | None,
+    ) -> Readout:
+        """The arguments, or a ValueError that names what is wrong with them."""
+        sensors = checked_sensors(sensors)
+        channels = sensor_channels(sensors)
+        q = chain.checked_weights(beam, q)
+        root = instance("root", RootMotion() if root is None else root, RootMotion)
+        rates = {
+            name: expression(name, value, (beam.basis.n, 1))
+            for name, value in {"q_dot": q_dot, "q_ddot": q_ddot}.items()
+            if value is not None
+        }
+        symbols = {}
+        for part, sensor in zip(channels.layout.parts, sensors, strict=True):
+            _check_world(part.name, sensor, root)
+            for name, value in mount_fields(sensor).items():
+                if not is_numeric(value):
+                    symbols[f"{part.name}.{name}"] = value
+        kind = same_kind(q=q, **rates, **beam.design_symbols, **root.symbols, **symbols)
+        motion = Motion(q, **rates, root_twist=root.twist, root_twist_rate=root.twist_rate)
+        return cls(sensors, channels, beam, motion, root, kind)
+
+    @property
+    def order(self) -> int:
+        """The highest order of the sensors."""
+        return max(sensor.order for sensor in self.sensors)
+
+    def values(self) -> AnyExpr:
+        """Stacked values (m, 1)."""
+        states = self._states(jacobian=False)
+        rows = []
+        for sensor in self.sensors:
+            if _is_gauge(sensor):
+                rows.append(self._gauge(sensor)[0])
+            else:
+                state = states[sensor.xi][: 12 + 6 * sensor.order]
+                read = value_function(_kind(sensor))
+                rows.append(read(state, *self._arguments(sensor)))
+        return ca.vertcat(*rows)
+
+    def derivatives(self, measured: AnyExpr, columns: dict[str, int]) -> dict[str, AnyExpr]:
+        """Stacked values, residuals, and their derivatives by what `columns` names, with sizes."""
+        states = self._states(jacobian=True)
+        given = self.channels.layout.split(measured)
+        stacks: dict[str, list[AnyExpr]] = {
+            key: [] for key in ("values", "residual", *(f"residual_{name}" for name in columns))
+        }
+        for part, sensor in zip(self.channels.layout.parts, self.sensors, strict=True):
+            if _is_gauge(sensor):
+                value, row = self._gauge(sensor)
+                by = {**{name: ca.DM.zeros(1, size) for name, size in columns.items()}, "q": row}
+                blocks = [value, value - given[part.name], *by.values()]
+            else:
+                finish = derivative_function(
+                    _kind(sensor), self.order, self.beam.basis.n, tuple(columns.items())
+                )
+                arguments = (*self._arguments(sensor), given[part.name])
+                blocks = finish(states[sensor.xi], *arguments)
+            for stack, block in zip(stacks.values(), blocks, strict=True):
+                stack.append(block)
+        return {key: ca.vertcat(*stack) for key, stack in stacks.items()}
+
+    def _states(self, jacobian: bool) -> dict[float, AnyExpr]:
+        """State of the march at each station that a sensor needs, by xi."""
+        stations = tuple(dict.fromkeys(s.xi for s in self.sensors if not _is_gauge(s)))
+        if not stations:
+            return {}
+        beam_chain = chain.build(self.beam, stations)
+        states = motion_states(beam_chain, self.motion, self.order, jacobian)
+        return dict(zip(stations, states, strict=True))
+
+    def _arguments(self, sensor: Sensor) -> tuple[AnyExpr, AnyExpr]:
+        """Frames and mount of a sensor, stacked."""
+        pose, root = self.root.pose, self.beam.root
+        world = READINGS[type(sensor)].world
+        frames = ca.veccat(
+            pose.rotation,
+            pose.position,
+            root.rotation,
+            root.position,
+            self.root.twist,
+            ca.DM.zeros(3) if world is None else getattr(self.root, world),
+        )
+        return frames, ca.veccat(*mount_fields(sensor).values())
+
+    def _gauge(self, sensor: Any) -> tuple[AnyExpr, AnyExpr]:
+        """Value of a strain gauge, and its row (1, n) of derivatives."""
+        row: AnyExpr = ca.DM([[1, 0, 0]])
+        if isinstance(sensor, StrainGauge):
+            offset: AnyExpr = sensor.offset
+            row = ca.horzcat(0, offset[1], -offset[0])
+        value = row @ curvature(self.beam, self.motion.q, sensor.xi) + sensor.bias
+        return value, row @ ca.DM(self.beam.basis(sensor.xi))
+
+
+def _kind(sensor: Sensor) -> Any:
+    return type(sensor)
+
+
+def _is_gauge(sensor: Sensor) -> bool:
+    return isinstance(sensor, (StrainGauge, ShearGauge))
+
+
+def _check_world(name: str, sensor: Sensor, root: RootMotion) -> None:
+    world = None if _is_gauge(sensor) else READINGS[type(sensor)].world
+    if world is not None and getattr(root, world) is None:
+        raise ValueError(
+            f"RootMotion.{world}: expected shape (3, 1), inertial axes, for {name}; found None"
+        )

@@ -1,0 +1,118 @@
+"""What one sensor reads at its station, as `casadi.Function`s built from SX, one per kind."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+
+from curvcasadi.expressions import AnyExpr
+from curvcasadi.kinematics import unpack_motion
+from curvcasadi.lie import so3
+from curvcasadi.pose import Pose
+from curvcasadi.sensors.descriptions import AttitudeSensor, Sensor
+from curvcasadi.sensors.readings import READINGS, Frames, Mount
+
+#: Shapes of the fields of a sensor that may be symbols; that of a bias is its residual's.
+_MOUNT = {"offset": (3, 1), "mounting": (3, 3), "pose": (3, 4)}
+_FRAMES = (9, 3, 9, 3, 6, 3)
+
+
+def mount_fields(sensor: Sensor) -> dict[str, AnyExpr]:
+    """Fields of `sensor` that may be symbols, by name; a pose as (R, p), (3, 4)."""
+    found = {}
+    for entry in fields(sensor):
+        value = getattr(sensor, entry.name)
+        if isinstance(value, Pose):
+            value = ca.horzcat(value.rotation, value.position)
+        if entry.name in (*_MOUNT, "bias"):
+            found[entry.name] = value
+    return found
+
+
+@lru_cache(maxsize=64)
+def value_function(kind: Any) -> ca.Function:
+    """(state, frames, mount) -> value (m, 1).
+
+    The state is that of a march of the sensor's own order, without sums; frames are the fields of
+    `Frames`, and the mount is `mount_fields`, stacked.
+    """
+    state = ca.SX.sym("state", 12 + 6 * kind.order)
+    frames, mount = ca.SX.sym("frames", sum(_FRAMES)), ca.SX.sym("mount", _mount_size(kind))
+    at = unpack_motion(state, kind.order)
+    value = READINGS[kind].value(at, _unpack_frames(frames), _unpack_mount(kind, mount))
+    return ca.Function(f"read_{kind.prefix}", [state, frames, mount], [value], {"cse": True})
+
+
+@lru_cache(maxsize=256)
+def derivative_function(
+    kind: Any, order: int, n: int, columns: tuple[tuple[str, int], ...]
+) -> ca.Function:
+    """(state, frames, mount, measured) -> value, residual, and its derivatives, one per column set.
+
+    The state is that of a march of `order` with the sums of n weights. `columns` are names of what
+    is varied, with sizes; what a sensor does not depend on gives zeros.
+    """
+    state = ca.SX.sym("state", 12 + 6 * order + 6 * n * (order + 1))
+    frames, mount = ca.SX.sym("frames", sum(_FRAMES)), ca.SX.sym("mount", _mount_size(kind))
+    measured = ca.SX.sym("measured", len(kind.components))
+    arguments = unpack_motion(state, order), _unpack_frames(frames), _unpack_mount(kind, mount)
+    value = READINGS[kind].value(*arguments)
+    slopes = READINGS[kind].slopes(*arguments)
+    rows = len(kind.residual_components)
+    error = residual(kind, value, measured)
+    by_variation = ca.DM.eye(rows)
+    if kind is AttitudeSensor:
+        by_variation = so3.right_jacobian_inverse(error)
+    blocks = [
+        ca.densify(by_variation @ slopes[name]) if name in slopes else ca.SX.zeros(rows, size)
+        for name, size in columns
+    ]
+    return ca.Function(
+        f"differentiate_{kind.prefix}",
+        [state, frames, mount, measured],
+        [value, error, *blocks],
+        {"cse": True},
+    )
+
+
+def residual(kind: Any, value: AnyExpr, measured: AnyExpr) -> AnyExpr:
+    """Prediction minus measurement; of an attitude log(R_measuredᵀ R)."""
+    if kind is not AttitudeSensor:
+        return value - measured
+    predicted: Any = ca.reshape(value, 3, 3)
+    return so3.log_error(predicted, ca.reshape(measured, 3, 3))
+
+
+def _unpack_frames(vector: ca.SX) -> Frames:
+    parts = _split(vector, _FRAMES)
+    return Frames(ca.reshape(parts[0], 3, 3), parts[1], ca.reshape(parts[2], 3, 3), *parts[3:])
+
+
+def _shapes(kind: Any) -> dict[str, tuple[int, int]]:
+    shapes = {**_MOUNT, "bias": (len(kind.residual_components), 1)}
+    return {entry.name: shapes[entry.name] for entry in fields(kind) if entry.name in shapes}
+
+
+def _mount_size(kind: Any) -> int:
+    return sum(rows * columns for rows, columns in _shapes(kind).values())
+
+
+def _unpack_mount(kind: Any, vector: ca.SX) -> Mount:
+    shapes = _shapes(kind)
+    parts = _split(vector, tuple(rows * columns for rows, columns in shapes.values()))
+    return Mount(
+        **{
+            name: ca.reshape(part, *shape)
+            for (name, shape), part in zip(shapes.items(), parts, strict=True)
+        }
+    )
+
+
+def _split(vector: ca.SX, sizes: tuple[int, ...]) -> list[ca.SX]:
+    offsets = [0]
+    for size in sizes:
+        offsets.append(offsets[-1] + size)
+    return list(ca.vertsplit(vector, offsets))

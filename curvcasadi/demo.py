@@ -125,7 +125,7 @@ def _compiled(wing: Beam, directory: Path) -> Row:
     folder = directory / "c"
     export_c([tip_function(wing, jacobian=True)], folder, reference_inputs={"tip": [[BENT]]})
     error = run_check(folder)["tip"]
-    size = (folder / "curvcasadi_functions.c").stat().st_size
+    size = (folder / "curv_functions.c").stat().st_size
     value = f"{size / 1024:.0f} KiB of source"
     return Row("tip pose and Jacobian in C, relative", value, "as Python", error, 1e-13)
 

@@ -1,201 +1,121 @@
-"""C99 source, header, check program and manifest of CasADi Functions."""
+"""C99 source, typed wrappers, self-test, build files and manifest of CasADi Functions."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import casadi as ca
-import numpy as np
 
-from curvcasadi.expressions import Array, expression, function_name
+from curvcasadi.beam import Beam
+from curvcasadi.export import generated, self_test, wrappers
+from curvcasadi.export.c_function import CFunction, c_functions
+from curvcasadi.export.manifest import manifest
+from curvcasadi.expressions import choice, function_name
 
-#: Largest error of the check program, over the largest entry of an output (at least 1): rounding.
-_TOLERANCE = 1e-13
-_SAMPLES = 5
-
-
-#: Names that C, its library or the check program has taken.
-_TAKEN = frozenset(
-    """auto break case char const continue default do double else enum extern float for goto if
-    inline int long register restrict return short signed sizeof static struct switch typedef
-    union unsigned void volatile while main printf abs acos asin atan atan2 ceil cos cosh div
-    erf exp exp2 expm1 fabs floor fma fmax fmin fmod frexp gamma hypot index isfinite isinf
-    isnan ldexp lgamma log log10 log1p log2 modf nan pow round signbit sin sinh sqrt tan tanh
-    tgamma time trunc y0 y1 j0 j1""".split()
-)
+_SIZES = {"double": 8, "float": 4}
 
 
 def export_c(
-    functions: Sequence[ca.Function],
+    functions: Sequence[ca.Function | CFunction] | ca.Function | CFunction,
     directory: str | Path,
     *,
-    name: str = "curvcasadi_functions",
+    real: Literal["double", "float"] = "double",
+    beam: Beam | None = None,
+    name: str = "curv",
     reference_inputs: Mapping[str, Sequence[Sequence[Any]]] | None = None,
 ) -> dict[str, Any]:
-    """Write `functions` as C, and a program that compares them with Python.
+    """Write `functions` as C99 with typed, checked wrappers, a self-test and a CMake project.
+
+    In `directory`, for the default name: curv.h and curv.c, the wrappers (`curv_tip(q, &out)`,
+    which returns a status and leaves `out` alone unless all is well); curv_functions.c and .h, what
+    CasADi generated; check.c, the self-test; CMakeLists.txt and a toolchain file for Cortex-M;
+    manifest.json. No recursion, no allocation, no static state but the buffers of the plain
+    wrappers. The same functions give the same bytes.
 
     Parameters
     ----------
-    functions : Functions with different names, such as `tip_function(beam)`
+    functions : with different names, such as `tip_function(beam)`; a `CFunction` says more of one
     directory : where to write; made if it does not exist
-    name : of the source and header files
-    reference_inputs : by function name, the inputs at which the check program compares; five
-        weight-sized random ones (|x| ≤ 0.05) unless given
+    real : type of all numbers; for "float" build the model with `Grid(real="float")`
+    beam : whose weights the inputs q and q_guess of plain Functions are: their wrappers refuse
+        weights beyond its bounds or its largest element angle
+    name : prefix of the files and of all names in the header
+    reference_inputs : by function name, the inputs at which the self-test compares; five
+        weight-sized random ones (|x| ≤ 0.05) unless given. Solvers need theirs.
 
     Returns
     -------
     dict
-        The manifest, also written as manifest.json: files, CasADi version, and for every function
-        its inputs and outputs with their shapes and the sizes of its buffers.
+        The manifest, also written as manifest.json: files, CasADi version, hash of the generated
+        source, iteration bounds, and for every function its inputs and outputs with their shapes,
+        the sizes of its buffers, its nodes, weight bounds and largest element angle.
 
     Raises
     ------
     ValueError
-        If names collide, a symbol is left free, or CasADi has no C for a part of a function.
+        If names collide, a symbol is left free, or CasADi has no self-contained C for a part of a
+        function.
     """
-    functions = _checked(functions)
+    choice("real", real, _SIZES)
     function_name("name", name)
     if name == "check":
-        raise ValueError("name: expected another than that of the check program, found 'check'")
-    references = _references(functions, reference_inputs or {})
-    folder = Path(directory)
-    folder.mkdir(parents=True, exist_ok=True)
-    generator = ca.CodeGenerator(f"{name}.c", {"with_header": True, "casadi_int": "int"})
-    for function in functions:
-        generator.add(function)
-    generator.generate(f"{folder}/")
-    _refuse_unsupported(folder / f"{name}.c", functions)
-
-    (folder / "check.c").write_text(_check_program(name, functions, references))
-    manifest = {
-        "files": [f"{name}.c", f"{name}.h", "check.c"],
-        "casadi": ca.CasadiMeta.version(),
-        "functions": {f.name(): _describe(f) for f in functions},
-    }
-    (folder / "manifest.json").write_text(json.dumps(manifest, indent=2) + "\n")
-    return manifest
-
-
-def _checked(functions: Sequence[ca.Function]) -> list[ca.Function]:
-    functions = list(functions) if isinstance(functions, Iterable) else [functions]
-    if not functions or not all(isinstance(f, ca.Function) for f in functions):
-        raise ValueError(f"functions: expected one or more casadi.Function, found {functions!r}")
-    names = [f.name() for f in functions]
+        raise ValueError("name: expected another than that of the self-test, found 'check'")
+    exports = c_functions(functions, beam)
+    angles = wrappers.angle_functions(exports)
+    casadi_functions = [*(f.function for f in exports), *angles.values()]
+    names = [f.name() for f in casadi_functions]
     if len(set(names)) < len(names):
-        raise ValueError(f"functions: expected different names, found {names}")
-    for f in functions:
-        if f.name() in _TAKEN or f.name().startswith("check_"):
-            raise ValueError(
-                "functions: expected names other than C's keywords, those of its library and those "
-                f"of the check program, found {f.name()!r}"
-            )
-        if f.has_free():
-            raise ValueError(f"functions: {f.name()!r} has free symbols {f.get_free()}")
-    return functions
-
-
-def _refuse_unsupported(source: Path, functions: list[ca.Function]) -> None:
-    """CasADi writes `#error` into the C for what it has no C for; do not leave that to gcc."""
-    broken = [line.strip() for line in source.read_text().splitlines() if "#error" in line]
-    if broken:
-        source.unlink()
-        source.with_suffix(".h").unlink()
-        names = ", ".join(repr(f.name()) for f in functions)
-        raise ValueError(f"functions: CasADi has no C for a part of {names}: {broken[0]}")
-
-
-def _references(
-    functions: list[ca.Function], given: Mapping[str, Sequence[Sequence[Any]]]
-) -> dict[str, list[list[ca.DM]]]:
-    """Inputs to compare at, by function: those given, else random ones."""
-    names = [f.name() for f in functions]
-    unknown = sorted(set(given) - set(names))
-    if unknown:
-        raise ValueError(f"reference_inputs: expected names of {names}, found {unknown}")
-    return {
-        f.name(): [_sample(f, sample) for sample in given.get(f.name()) or _random_inputs(f)]
-        for f in functions
-    }
-
-
-def _sample(f: ca.Function, values: Sequence[Any]) -> list[ca.DM]:
-    """One value per input, of its shape and sparsity."""
-    where = f"reference_inputs[{f.name()!r}]"
-    if len(values) != f.n_in():
-        raise ValueError(f"{where}: expected {f.n_in()} inputs, found {len(values)}")
-    inputs = []
-    for i, value in enumerate(values):
-        dense = expression(f"{where}, {f.name_in(i)}", value, f.size_in(i))
-        inputs.append(ca.project(dense, f.sparsity_in(i)))
-    return inputs
-
-
-def _random_inputs(f: ca.Function) -> list[list[Array]]:
-    random = np.random.default_rng(0)
-    return [
-        [random.uniform(-0.05, 0.05, f.size_in(i)) for i in range(f.n_in())]
-        for _ in range(_SAMPLES)
-    ]
-
-
-def _describe(f: ca.Function) -> dict[str, Any]:
-    return {
-        "inputs": {f.name_in(i): list(f.size_in(i)) for i in range(f.n_in())},
-        "outputs": {f.name_out(i): list(f.size_out(i)) for i in range(f.n_out())},
-        "buffers": {"arg": f.sz_arg(), "res": f.sz_res(), "iw": f.sz_iw(), "w": f.sz_w()},
-    }
-
-
-def _check_program(
-    name: str, functions: list[ca.Function], references: Mapping[str, list[list[ca.DM]]]
-) -> str:
-    data, cases = [], []
-    for f in functions:
-        samples = references[f.name()]
-        outputs = [f.call(sample) for sample in samples]
-        if not all(m.is_regular() for output in outputs for m in output):
-            raise ValueError(
-                f"reference_inputs: expected inputs at which {f.name()!r} is finite, found others"
-            )
-        key = f"check_{f.name()}"
-        data += [
-            _array("int", f"{key}_in", [f.nnz_in(i) for i in range(f.n_in())]),
-            _array("int", f"{key}_out", [f.nnz_out(i) for i in range(f.n_out())]),
-            _array("double", f"{key}_inputs", _nonzeros(samples)),
-            _array("double", f"{key}_outputs", _nonzeros(outputs)),
-        ]
-        cases.append(
-            f'  {{"{f.name()}", {f.name()}, {f.n_in()}, {f.n_out()}, {key}_in, {key}_out, '
-            f"{len(samples)}, {key}_inputs, {key}_outputs}},"
+        raise ValueError(f"functions: expected names other than {names[len(exports) :]}")
+    source, header = generated.generate(casadi_functions, f"{name}_functions", real)
+    wrapped = [
+        wrappers.Wrapper(
+            export=f,
+            angles={key: angles[b] for key, b in f.weights.items() if b in angles},
+            prefix=name,
+            real=real,
         )
+        for f in exports
+    ]
     fields = {
         "NAME": name,
-        "REAL": "double",
-        "TOLERANCE": repr(_TOLERANCE),
-        "SZ_ARG": max(f.sz_arg() for f in functions),
-        "SZ_RES": max(f.sz_res() for f in functions),
-        "SZ_IW": max(f.sz_iw() for f in functions) or 1,
-        "SZ_W": max(f.sz_w() for f in functions) or 1,
-        "SZ_IN": max(f.nnz_in() for f in functions) or 1,
-        "SZ_OUT": max(f.nnz_out() for f in functions),
-        "DATA": "\n".join(data),
-        "CASES": "\n".join(cases),
+        "PREFIX": name.upper(),
+        "GUARD": name.upper(),
+        "REAL": real,
+        "SIZE": _SIZES[real],
+        "LARGEST": "FLT_MAX" if real == "float" else "DBL_MAX",
+        "FUNCTIONS": ", ".join(f.name for f in exports),
+        "DECLARATIONS": "\n".join(map(wrappers.declaration, wrapped)),
+        "HELPERS": wrappers.helpers(wrapped),
+        "DEFINITIONS": "\n".join(map(wrappers.definition, wrapped)),
+        "MACROS": generated.float_macros(),
+        **self_test.fields(wrapped, reference_inputs or {}),
     }
-    text = files("curvcasadi.export").joinpath("templates/check.c.in").read_text()
+    texts = {
+        f"{name}.h": _filled("header.h.in", fields),
+        f"{name}.c": _filled("source.c.in", fields),
+        f"{name}_functions.h": header,
+        f"{name}_functions.c": source,
+        "check.c": _filled("check.c.in", fields),
+        "CMakeLists.txt": _filled("CMakeLists.txt.in", fields),
+        "cortex-m.cmake": _filled("cortex-m.cmake.in", fields),
+    }
+    if real == "float":
+        texts[f"{name}_float.h"] = _filled("float.h.in", fields)
+    described = manifest(wrapped, source, sorted(texts), real)
+    texts["manifest.json"] = json.dumps(described, indent=2) + "\n"
+    folder = Path(directory)
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, text in texts.items():
+        (folder / file).write_text(text)
+    return described
+
+
+def _filled(template: str, fields: Mapping[str, Any]) -> str:
+    text = files("curvcasadi.export").joinpath(f"templates/{template}").read_text()
     for key, value in fields.items():
         text = text.replace(f"@{key}@", str(value))
     return text
-
-
-def _nonzeros(samples: Iterable[Iterable[ca.DM]]) -> list[float]:
-    return [x for sample in samples for matrix in sample for x in ca.DM(matrix).nonzeros()]
-
-
-def _array(kind: str, name: str, values: Sequence[float]) -> str:
-    """A constant C array; one entry at least, as C has no empty arrays."""
-    entries = ", ".join(repr(value) for value in values) or "0"
-    return f"static const {kind} {name}[] = {{{entries}}};"

@@ -1,0 +1,150 @@
+"""What is exported: a CasADi Function, and what its wrapper in C shall check and say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+
+from curvcasadi.beam import Beam
+from curvcasadi.expressions import instance, positive
+
+#: Inputs that hold weights where `export_c` is given a beam.
+WEIGHTS = ("q", "q_guess")
+
+#: Outputs by which a Function that solves says whether it did: met where at most 1.
+VIOLATION, STATIONARITY = "violation", "stationarity"
+
+#: Words for the inputs and outputs of this package's Functions, by name.
+_WORDS = {
+    "q": "rad/m, curvature weights",
+    "q_guess": "rad/m, curvature weights to start from",
+    "q_dot": "rad/(m s), rates of the weights",
+    "q_ddot": "rad/(m s²), accelerations of the weights",
+    "position": "m, parent axes",
+    "positions": "m, parent axes, one target a column",
+    "rotation": "local to parent; its columns are the local axes",
+    "rotations": "local to parent, one target three columns",
+    "jacobian": "body Jacobian: m above, m² below, local axes; twist = J q_dot",
+    "distances": "m, to the positions",
+    "angles": "rad, to the rotations",
+    "x": "state",
+    "u": "input to apply now",
+    "p": "disturbance",
+    "u_previous": "input applied before",
+    "guess": "plan of the step before; zeros at first",
+    "plan": "guess of the next step",
+    "states": "states, one a column",
+    "residual": "N m², generalized force",
+    VIOLATION: "largest violation over its tolerance; kept where at most 1",
+    STATIONARITY: "distance from optimality over its tolerance; converged where at most 1",
+}
+
+#: Names that C, its library or the generated files have taken.
+TAKEN = frozenset(
+    """auto break case char const continue default do double else enum extern float for goto if
+    inline int long register restrict return short signed sizeof static struct switch typedef
+    union unsigned void volatile while main printf abs acos asin atan atan2 ceil cos cosh div
+    erf exp exp2 expm1 fabs floor fma fmax fmin fmod frexp gamma hypot index isfinite isinf
+    isnan ldexp lgamma log log10 log1p log2 modf nan pow round signbit sin sinh sqrt tan tanh
+    tgamma time trunc y0 y1 j0 j1 memset real_t all_finite all_within none_infinite""".split()
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CFunction:
+    """A Function for C, with the limits that its wrapper checks.
+
+    A Function with outputs `violation` and `stationarity` is a solver: its wrapper gives out what
+    it found only where both are at most 1.
+    """
+
+    function: ca.Function
+    #: inputs that hold weights of a beam, one vector a column: its bounds and element angles hold
+    weights: Mapping[str, Beam] = field(default_factory=dict)
+    #: inputs in which NaN means "no sample"; everywhere else it is bad input
+    missing: tuple[str, ...] = ()
+    #: unit and frame of inputs and outputs, by name, where the package's own words do not fit
+    descriptions: Mapping[str, str] = field(default_factory=dict)
+    #: of the self-test: largest error over the largest entry of an output, at least 1
+    tolerance: float | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.function, ca.Function):
+            raise ValueError(
+                f"functions: expected one or more casadi.Function or CFunction, "
+                f"found {self.function!r}"
+            )
+        inputs = self.function.name_in()
+        for key, beam in instance("CFunction.weights", self.weights, Mapping).items():
+            _known("CFunction.weights", key, inputs)
+            rows = self.function.size1_in(key)
+            if rows != instance(f"CFunction.weights[{key!r}]", beam, Beam).basis.n:
+                raise ValueError(
+                    f"CFunction.weights[{key!r}]: expected a beam of {rows} weights, "
+                    f"found {beam.basis.n}"
+                )
+            if not self.function.sparsity_in(key).is_dense():
+                raise ValueError(f"CFunction.weights[{key!r}]: expected a dense input, found zeros")
+        object.__setattr__(self, "missing", tuple(self.missing))
+        for key in self.missing:
+            _known("CFunction.missing", key, inputs)
+        for key in instance("CFunction.descriptions", self.descriptions, Mapping):
+            _known("CFunction.descriptions", key, [*inputs, *self.function.name_out()])
+        if self.tolerance is not None:
+            positive("CFunction.tolerance", self.tolerance)
+
+    @property
+    def name(self) -> str:
+        return str(self.function.name())
+
+    @property
+    def is_solver(self) -> bool:
+        """Whether it says by its outputs if it solved its problem."""
+        return {VIOLATION, STATIONARITY} <= set(self.function.name_out())
+
+    def words(self, name: str) -> str:
+        """Unit and frame of an input or output."""
+        return str(self.descriptions.get(name, _WORDS.get(name, "")))
+
+
+def c_functions(functions: Any, beam: Beam | None) -> list[CFunction]:
+    """`functions` as CFunctions with different names, none of them taken, nothing left free."""
+    found = [functions] if isinstance(functions, ca.Function | CFunction) else functions
+    if not isinstance(found, Iterable) or isinstance(found, str | bytes):
+        found = [found]
+    exported = [f if isinstance(f, CFunction) else _plain(f, beam) for f in found]
+    if not exported:
+        raise ValueError(
+            f"functions: expected one or more casadi.Function or CFunction, found {functions!r}"
+        )
+    names = [f.name for f in exported]
+    if len(set(names)) < len(names):
+        raise ValueError(f"functions: expected different names, found {names}")
+    for f in exported:
+        if f.name in TAKEN or f.name.startswith("check_"):
+            raise ValueError(
+                "functions: expected names other than C's keywords, those of its library and those "
+                f"of the check program, found {f.name!r}"
+            )
+        if f.function.has_free():
+            raise ValueError(
+                f"functions: {f.name!r} has free symbols {f.function.get_free()}; "
+                "make each one an input"
+            )
+    return exported
+
+
+def _plain(function: Any, beam: Beam | None) -> CFunction:
+    if beam is None or not isinstance(function, ca.Function):
+        return CFunction(function=function)
+    n = instance("beam", beam, Beam).basis.n
+    held = [k for k in function.name_in() if k in WEIGHTS and function.size1_in(k) == n]
+    return CFunction(function=function, weights=dict.fromkeys(held, beam))
+
+
+def _known(where: str, key: str, names: list[str]) -> None:
+    if key not in names:
+        raise ValueError(f"{where}: expected names among {', '.join(names)}, found {key!r}")

@@ -1,0 +1,191 @@
+"""The program that compares exported functions with reference vectors from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.export.c_function import STATIONARITY, VIOLATION, CFunction
+from curvcasadi.export.wrappers import Wrapper
+from curvcasadi.expressions import Array, expression
+
+#: Largest error over the largest entry of an output (at least 1), by type: rounding, and what a
+#: solver makes of it where it may stop at its tolerance.
+_TOLERANCE = {
+    ("double", False): 1e-13,
+    ("double", True): 1e-6,
+    ("float", False): 5e-6,
+    ("float", True): 1e-3,
+}
+_SAMPLES = 5
+_STATUS = ("OK", "INFEASIBLE", "NOT_CONVERGED")
+
+
+def fields(
+    wrappers: Sequence[Wrapper], reference_inputs: Mapping[str, Sequence[Sequence[Any]]]
+) -> dict[str, str]:
+    """What the template check.c.in needs: one test per function, and the list of them."""
+    names = [w.export.name for w in wrappers]
+    unknown = sorted(set(reference_inputs) - set(names))
+    if unknown:
+        raise ValueError(f"reference_inputs: expected names of {names}, found {unknown}")
+    tests = [_test(w, reference_inputs.get(w.export.name)) for w in wrappers]
+    return {
+        "TESTS": "\n".join(tests),
+        "CALLS": "\n".join(
+            f'#ifdef CHECK_{n}\n  failed |= report("{n}", check_{n}(), {_tolerance(w)!r});\n#endif'
+            for n, w in zip(names, wrappers, strict=True)
+        ),
+        "SELECTED": "\n".join(f"#define CHECK_{name}" for name in names),
+    }
+
+
+def _tolerance(wrapper: Wrapper) -> float:
+    given = wrapper.export.tolerance
+    return float(given or _TOLERANCE[wrapper.real, wrapper.export.is_solver])
+
+
+def _test(wrapper: Wrapper, given: Sequence[Sequence[Any]] | None) -> str:
+    """C that calls one function at every sample; returns its largest error, or what went wrong."""
+    export, name = wrapper.export, wrapper.export.name
+    if given is None and export.is_solver:
+        raise ValueError(
+            f"reference_inputs: expected inputs of the solver {name!r}, which random ones are not"
+        )
+    samples = [_sample(wrapper, values) for values in given or _random_inputs(wrapper)]
+    outputs = [
+        dict(zip(export.function.name_out(), export.function.call(s), strict=True)) for s in samples
+    ]
+    statuses = [_status(export, output) for output in outputs]
+    if "OK" not in statuses:
+        raise ValueError(
+            f"reference_inputs: expected one at least that {name!r} solves, found none"
+        )
+
+    lines = [f"#ifdef CHECK_{name}"]
+    for k, (key, _, size) in enumerate(wrapper.inputs):
+        i = export.function.index_in(key)
+        rows = [_row(sample[i].nonzeros(), wrapper.real) for sample in samples]
+        lines.append(f"static const real_t {name}_in{k}[][{size}] = {{{', '.join(rows)}}};")
+    compared = [o for o in wrapper.outputs if o[0] not in (VIOLATION, STATIONARITY)]
+    for k, (key, _, size) in enumerate(compared):
+        rows = [_row(ca.DM(output[key]).nonzeros(), "double") for output in outputs]
+        lines.append(f"static const double {name}_out{k}[][{size}] = {{{', '.join(rows)}}};")
+    prefix = wrapper.prefix.upper()
+    lines.append(
+        f"static const {wrapper.prefix}_status {name}_status[] = "
+        f"{{{', '.join(f'{prefix}_{s}' for s in statuses)}}};"
+    )
+    arguments = [
+        f"{name}_in{k}[i]" + ("[0]" if size == 1 else "")
+        for k, (_, _, size) in enumerate(wrapper.inputs)
+    ]
+    call = f"{wrapper.name}({', '.join([*arguments, '&out'])})"
+    lines += [
+        f"static double check_{name}(void) {{",
+        f"  static {wrapper.name}_out out;",
+        "  double worst = 0;",
+        "  int i;",
+        f"  for (i = 0; i < {len(samples)}; ++i) {{",
+        f"    {wrapper.prefix}_status status;",
+        "    fill(&out, sizeof out);",
+        "    CHECK_BEGIN",
+        f"    status = {call};",
+        f'    CHECK_END("{name}")',
+        f"    if (status != {name}_status[i]) return wrong_status(i, (int)status);",
+        f"    if (status != {prefix}_OK) {{",
+        "      if (!untouched(&out, sizeof out)) return touched(i);",
+        "      continue;",
+        "    }",
+        *(
+            f"    worst = larger(worst, error({'&' if size == 1 else ''}out.{c}, "
+            f"{name}_out{k}[i], {size}));"
+            for k, (_, c, size) in enumerate(compared)
+        ),
+        "  }",
+    ]
+    lines += _bad_input(wrapper, arguments)
+    lines += ["  return worst;", "}", "#endif"]
+    return "\n".join(lines) + "\n"
+
+
+def _bad_input(wrapper: Wrapper, arguments: list[str]) -> list[str]:
+    """A call with NaN in the first input must be refused."""
+    name = wrapper.export.name
+    checked = [
+        (k, size)
+        for k, (key, _, size) in enumerate(wrapper.inputs)
+        if key not in wrapper.export.missing
+    ]
+    if not checked:
+        return []
+    k, size = checked[0]
+    arguments = [a.replace("[i]", "[0]") for a in arguments]
+    arguments[k] = "bad" if size > 1 else "bad[0]"
+    call = f"{wrapper.name}({', '.join([*arguments, '&out'])})"
+    return [
+        "  {",
+        f"    static real_t bad[{size}];",
+        f"    for (i = 0; i < {size}; ++i) bad[i] = {name}_in{k}[0][i];",
+        f"    bad[{size - 1}] = (real_t)NAN;",
+        "    fill(&out, sizeof out);",
+        f"    if ({call} != {wrapper.prefix.upper()}_BAD_INPUT) return wrong_status(-1, 0);",
+        "    if (!untouched(&out, sizeof out)) return touched(-1);",
+        "  }",
+    ]
+
+
+def _status(export: CFunction, output: Mapping[str, ca.DM]) -> str:
+    if not all(m.is_regular() for m in output.values()):
+        raise ValueError(
+            f"reference_inputs: expected inputs at which {export.name!r} is finite, found others"
+        )
+    if not export.is_solver:
+        return "OK"
+    if float(output[VIOLATION]) > 1:
+        return "INFEASIBLE"
+    return "NOT_CONVERGED" if float(output[STATIONARITY]) > 1 else "OK"
+
+
+def _sample(wrapper: Wrapper, values: Sequence[Any]) -> list[ca.DM]:
+    """One value per input, of its shape and sparsity, as numbers of the exported type."""
+    f = wrapper.export.function
+    where = f"reference_inputs[{f.name()!r}]"
+    if len(values) != f.n_in():
+        raise ValueError(f"{where}: expected {f.n_in()} inputs, found {len(values)}")
+    kind = np.float32 if wrapper.real == "float" else float
+    inputs = []
+    for i, value in enumerate(values):
+        dense = expression(f"{where}, {f.name_in(i)}", value, f.size_in(i))
+        rounded = np.asarray(ca.DM(dense).full().astype(kind), dtype=float)
+        inputs.append(ca.project(ca.DM(rounded), f.sparsity_in(i)))
+    return inputs
+
+
+def _random_inputs(wrapper: Wrapper) -> list[list[Array]]:
+    f, random = wrapper.export.function, np.random.default_rng(0)
+    samples = []
+    for _ in range(_SAMPLES):
+        sample = []
+        for i in range(f.n_in()):
+            value = random.uniform(-0.05, 0.05, f.size_in(i))
+            beam = wrapper.export.weights.get(f.name_in(i))
+            if beam is not None:
+                lower, upper = beam.bounds
+                value = np.clip(value, lower[:, None], upper[:, None])
+            sample.append(value)
+        samples.append(sample)
+    return samples
+
+
+def _row(values: Iterable[float], real: str) -> str:
+    suffix = "f" if real == "float" else ""
+    return "{" + ", ".join(_number(float(x)) + suffix for x in values) + "}"
+
+
+def _number(x: float) -> str:
+    text = repr(x)
+    return text if "." in text or "e" in text else f"{text}.0"

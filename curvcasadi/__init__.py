@@ -60,7 +60,7 @@ from curvcasadi.beam import Beam
 from curvcasadi.control_model import ControlModel, kinematic_model
 from curvcasadi.equilibrium import Equilibrium, equilibrium_function, solve_equilibrium
 from curvcasadi.errors import ConvergenceError
-from curvcasadi.export import export_c
+from curvcasadi.export import CFunction, export_c
 from curvcasadi.families import (
     BSpline,
     CantileverModes,
@@ -128,6 +128,7 @@ __all__ = [
     "BSpline",
     "Beam",
     "Body",
+    "CFunction",
     "Camera",
     "CantileverModes",
     "ChannelBasis",

@@ -1,0 +1,118 @@
+"""Size and speed of exported functions on Cortex-M7 and M4F, against their budgets.
+
+    python -m codegen.target [--only NAME …] [--update] [--out out/codegen]
+
+Exports the libraries of `benchmark_functions`, compiles them for the targets, runs their
+self-tests in qemu, each function in a program of its own, and prints a table. Fails where a
+result is not that of Python, where single precision calls double, and where a number exceeds its
+budget by more than 3 %.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from codegen import budgets, map_file, toolchain
+from codegen.benchmark_functions import LIBRARIES, Library
+
+_MEASURED = re.compile(r"^measured (\w+) instructions=(\d+) stack=(\d+)$", re.M)
+
+
+def measure(folder: Path, cpu: str, real: str, functions: Sequence[str]) -> dict[str, dict]:
+    """Sizes, stack and instructions of the exported `functions`, by name."""
+    build = folder / cpu
+    library = [
+        toolchain.compile_c(folder / f"{name}.c", build / f"{name}.o", cpu, real=real)
+        for name in ("curv", "curv_functions")
+    ]
+    doubles = toolchain.double_symbols(library) if real == "float" else []
+    if doubles:
+        raise RuntimeError(f"{folder.name}: single precision calls {', '.join(doubles)}")
+    common = [*library, *toolchain.startup(build, cpu)]
+    return {name: _measure(folder, build, cpu, name, common) for name in functions}
+
+
+def _measure(folder: Path, build: Path, cpu: str, name: str, common: list[Path]) -> dict[str, int]:
+    hooks = ["-DCHECK_ONLY", f"-DCHECK_{name}", '-DCHECK_HOOKS="measure.h"', "-std=gnu99"]
+    check = toolchain.compile_c(
+        folder / "check.c",
+        build / f"check_{name}.o",
+        cpu,
+        options=[*hooks, f"-I{toolchain.CORTEX_M}"],
+    )
+    program = build / f"{name}.elf"
+    linked = toolchain.link([*common, check], program, cpu)
+    printed = toolchain.emulate(program, cpu)
+    found = _MEASURED.search(printed)
+    if not found or found[1] != name:
+        raise RuntimeError(f"{program}: no measurement of {name} in what it printed:\n{printed}")
+    own = map_file.sizes(linked, ["curv.o", "curv_functions.o"])
+    libm = map_file.sizes(linked, ["libm.a"])
+    return {
+        "code": own["code"],
+        "tables": own["tables"],
+        "libm": libm["code"] + libm["tables"],
+        "ram": own["ram"],
+        "stack": int(found[3]),
+        "instructions": int(found[2]),
+    }
+
+
+def measure_all(libraries: Sequence[Library], out: Path) -> dict[str, dict[str, int]]:
+    """Numbers of all functions of `libraries` by "library.function.cpu"; two programs at a time."""
+    with ThreadPoolExecutor(2) as pool:
+        running = {}
+        for library in libraries:
+            functions = [*library.export(out / library.name)["functions"]]
+            for cpu in library.cpus:
+                task = (measure, out / library.name, cpu, library.beam.grid.real, functions)
+                running[library.name, cpu] = pool.submit(*task)
+        return {
+            f"{library}.{function}.{cpu}": numbers
+            for (library, cpu), task in running.items()
+            for function, numbers in task.result().items()
+        }
+
+
+def table(measured: Mapping[str, Mapping[str, int]]) -> str:
+    """One line a function and CPU."""
+    rows = [["function", "CPU", *budgets.QUANTITIES]]
+    for key, numbers in measured.items():
+        library, function, cpu = key.split(".")
+        cells = [f"{numbers[quantity]:,}".replace(",", " ") for quantity in budgets.QUANTITIES]
+        rows.append([f"{library} {function}", cpu, *cells])
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return "\n".join(
+        "  ".join(
+            cell.ljust(width) if i < 2 else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
+    )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="libraries, by name")
+    parser.add_argument("--update", action="store_true", help="write the numbers as budgets")
+    parser.add_argument("--out", type=Path, default=Path("out/codegen"), metavar="FOLDER")
+    options = parser.parse_args()
+
+    missing = toolchain.missing_tools()
+    if missing:
+        print("\n".join(missing), file=sys.stderr)
+        return 2
+    chosen = [x for x in LIBRARIES if not options.only or x.name in options.only]
+    measured = measure_all(chosen, options.out)
+    print("Bytes, and instructions (not cycles) of the worst sample:\n")
+    print(table(measured))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -58,7 +58,8 @@ from curvcasadi.aircraft_file import load_aircraft
 from curvcasadi.basis import ChannelBasis, VectorBasis
 from curvcasadi.beam import Beam
 from curvcasadi.control_model import ControlModel, kinematic_model
-from curvcasadi.equilibrium import Equilibrium, equilibrium_function, solve_equilibrium
+from curvcasadi.equilibrium import Equilibrium, solve_equilibrium
+from curvcasadi.equilibrium_function import equilibrium_function
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.export import CFunction, export_c
 from curvcasadi.families import (

@@ -10,6 +10,7 @@ import numpy as np
 
 from curvcasadi.beam import Beam
 from curvcasadi.expressions import Number, expression, instance, is_numeric, numbers, station
+from curvcasadi.grid import Real
 from curvcasadi.layout import Layout, Part
 from curvcasadi.pose_function import tip_function
 from curvcasadi.shape import curvature
@@ -29,6 +30,7 @@ class ControlModel:
     y: Layout
     xdot: ca.Function  #: (x, u, p) -> xdot
     output: ca.Function  #: (x, u, p) -> y
+    real: Real = "double"  #: arithmetic that it is made for, as in `Grid`
 
 
 def kinematic_model(
@@ -70,6 +72,7 @@ def kinematic_model(
     signature = ([q, command, disturbance], ["x", "u", "p"])
     return ControlModel(
         name="kinematic",
+        real=beam.grid.real,
         x=x,
         u=u,
         p=p,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,10 +11,10 @@ import numpy as np
 
 from curvcasadi.beam import Beam, numeric_length
 from curvcasadi.errors import ConvergenceError
-from curvcasadi.expressions import AnyExpr, Array, expression, function_name
+from curvcasadi.expressions import AnyExpr, Array, expression
 from curvcasadi.functions import free_symbols
 from curvcasadi.shape import Shape, shape_map
-from curvcasadi.statics import equilibrium_residual, equilibrium_tangent, parameter_slopes
+from curvcasadi.statics import equilibrium_tangent
 
 #: Residual that counts as zero, over the largest of the elastic and the applied forces.
 TOLERANCE = 1e-11
@@ -81,113 +81,6 @@ def solve_equilibrium(
         if q_guess is not None or not newton.crossings(q, 1.0):
             return _equilibrium(beam, newton, q, 1.0, steps=1)
     return _continue(beam, newton, np.zeros(n))
-
-
-def equilibrium_function(
-    beam: Beam,
-    loads: Sequence[Any],
-    parameters: Mapping[str, AnyExpr] | None = None,
-    *,
-    attitude: AnyExpr | None = None,
-    name: str = "equilibrium",
-    max_iter: int = 50,
-) -> ca.Function:
-    """Equilibrium as a Function: q_guess, parameters … -> q (n, 1), rad/m.
-
-    `fast_newton` on the residual with its structured derivative; derivatives of q with respect to
-    the parameters follow from the implicit function theorem. It becomes self-contained C. Newton's
-    steps are full and the loads are not stepped, and it never raises (NaN parameters give the guess
-    back): guess near the equilibrium, and check `equilibrium_residual`.
-
-    Parameters
-    ----------
-    parameters : MX symbols in loads, attitude and section, by the name of their input
-    """
-    function_name("name", name)
-    parameters = dict(parameters or {})
-    if "q_guess" in parameters:
-        raise ValueError("parameters: expected names other than 'q_guess', found 'q_guess'")
-    n = beam.basis.n
-    residual = residual_function(
-        beam, loads, parameters, attitude=attitude, name=f"{name}_residual"
-    )
-    q, guess = ca.MX.sym("q", n), ca.MX.sym("q_guess", n)
-    stacked = ca.veccat(*parameters.values()) if parameters else ca.MX.sym("none", 0)
-    symbols = ca.MX.sym("p", stacked.numel())
-    parts = _unstack(symbols, list(parameters.values()))
-    root = ca.rootfinder(
-        f"{name}_solver",
-        "fast_newton",
-        {"x": q, "p": symbols, "g": residual(q, *parts)},
-        {"max_iter": max_iter, "error_on_fail": False},
-    )
-    solution = root(guess, stacked)
-    return ca.Function(
-        name, [guess, *parameters.values()], [solution], ["q_guess", *parameters], ["q"]
-    )
-
-
-def residual_function(
-    beam: Beam,
-    loads: Sequence[Any],
-    parameters: Mapping[str, AnyExpr],
-    *,
-    attitude: AnyExpr | None = None,
-    name: str = "equilibrium_residual",
-) -> ca.Function:
-    """Residual S q − Q as a Function: q, parameters … -> residual, structured derivative attached.
-
-    The derivatives are those of `equilibrium_tangent` and, with respect to symbols in loads,
-    attitude and stiffness, of `parameter_slopes`: none goes through the chain by AD.
-    """
-    q = ca.MX.sym("q", beam.basis.n)
-    inputs = {"q": q, **parameters}
-    for field, symbol in beam.design_symbols.items():
-        raise ValueError(f"{field}: expected numbers, found the symbol {symbol}")
-    residual = equilibrium_residual(beam, q, loads, attitude)
-    missing = free_symbols(residual, inputs.values())
-    if missing:
-        raise ValueError(f"parameters: expected every symbol, missing {', '.join(missing)}")
-    _, tangent = equilibrium_tangent(beam, q, loads, attitude)
-    blocks = _parameter_blocks(beam, q, loads, parameters, attitude)
-    nominal = ca.MX.sym("out_residual", residual.shape[0])
-    derivative = ca.Function(
-        f"jac_{name}",
-        [*inputs.values(), nominal],
-        [ca.densify(block) for block in (tangent, *blocks.values())],
-        [*inputs, "out_residual"],
-        ["jac_residual_q", *blocks],
-        {"cse": True},
-    )
-    options: dict[str, Any] = {
-        "cse": True,
-        "custom_jacobian": derivative,
-        "jac_penalty": 0,
-        "never_inline": True,
-    }
-    return ca.Function(name, [*inputs.values()], [residual], [*inputs], ["residual"], options)
-
-
-def _parameter_blocks(
-    beam: Beam,
-    q: ca.MX,
-    loads: Sequence[Any],
-    parameters: Mapping[str, AnyExpr],
-    attitude: AnyExpr | None,
-) -> dict[str, AnyExpr]:
-    """Derivatives of the residual with respect to each parameter, by the name of its output."""
-    if not parameters:
-        return {}
-    slopes, _ = parameter_slopes(beam, q, loads, ca.veccat(*parameters.values()), attitude)
-    splits = np.cumsum([0, *(symbol.numel() for symbol in parameters.values())]).tolist()
-    pieces = ca.horzsplit(slopes, splits)
-    return {f"jac_residual_{key}": piece for key, piece in zip(parameters, pieces, strict=True)}
-
-
-def _unstack(stacked: ca.MX, like: list[AnyExpr]) -> list[ca.MX]:
-    offsets = np.cumsum([0, *(symbol.numel() for symbol in like)]).tolist()
-    pieces = ca.vertsplit(stacked, offsets) if like else []
-    return [ca.reshape(piece, *s.shape) for piece, s in zip(pieces, like, strict=True)]
 
 
 def _loaded_function(beam: Beam, loads: Sequence[Any], attitude: AnyExpr | None) -> ca.Function:

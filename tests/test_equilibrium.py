@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipk
 
 import curvcasadi as cc
-from curvcasadi.equilibrium import residual_function
+from curvcasadi.equilibrium_function import residual_function
 from curvcasadi.export import export_c, run_check
 from curvcasadi.reference_wings import hale_wing
 

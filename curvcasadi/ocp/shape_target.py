@@ -8,15 +8,16 @@ import casadi as ca
 
 from curvcasadi.beam import Beam
 from curvcasadi.expressions import Number, count, function_name, positive
-from curvcasadi.ocp.sqp import gauss_newton_sqp
+from curvcasadi.grid import Real
+from curvcasadi.ocp.sqp import TOLERANCES, gauss_newton_sqp
 from curvcasadi.ocp.targets import (
-    Limits,
     Regularizer,
     Residuals,
     Target,
     checked_problem,
     regularizer_matrix,
     residuals,
+    rest_values,
     shape_limits,
 )
 
@@ -25,10 +26,11 @@ from curvcasadi.ocp.targets import (
 #: converge along directions that the targets hardly see, and to none: a last step onto the targets.
 #: Twice the weight in the Hessian damps Gauss–Newton, which does not know the curvature of the
 #: constraint.
-_STAGES = ((1e-3, 1e-3), (1e-4, 2e-4), (1e-5, 2e-5), (1e-6, 2e-6), (1e-7, 2e-7), (0.0, 1e-9))
+_STAGES: dict[Real, tuple[tuple[float, float], ...]] = {
+    "double": ((1e-3, 1e-3), (1e-4, 2e-4), (1e-5, 2e-5), (1e-6, 2e-6), (1e-7, 2e-7), (0.0, 1e-9)),
+    "float": ((1e-3, 1e-3), (1e-4, 2e-4), (1e-5, 2e-5), (0.0, 1e-7)),
+}
 _PREFERENCE_ONLY = ((1.0, 1.0),)
-#: Excess over a limit, rad/m or rad², that counts as kept.
-_LIMIT_TOLERANCE = 1e-6
 
 
 def shape_target_function(
@@ -39,10 +41,11 @@ def shape_target_function(
     curvature_bound: Number | None = None,
     regularizer: Regularizer = "smoothness",
     regularization: float = 1e-8,
+    iterations: int | None = None,
     max_iter: int = 100,
     qp_solver: str = "qrqp",
 ) -> ca.Function:
-    """`reach_shape` as one Function: q_guess, positions, rotations -> q, distances, angles, miss.
+    """`reach_shape` as one Function, that becomes self-contained C.
 
     The unweighted targets e(q) = 0 are met by the method of multipliers: with y ← y + e, each stage
     minimizes
@@ -52,24 +55,29 @@ def shape_target_function(
     by Gauss–Newton `sqpmethod`, within the bounds of `reach_shape`; a falls to zero.
     One solver serves all stages, so that generated C holds it once. Redundant targets are no
     obstacle. It follows one guess into one valley: `reach_shape` tries several, and finds the
-    nearest shape to unreachable targets, which this need not.
+    nearest shape to unreachable targets, which this need not. Where every target is weighted there
+    is one stage.
 
     Parameters
     ----------
     targets : stations and kinds; their numbers arrive as inputs
-    max_iter : iterations of one stage; there are six, or one where every target is weighted
+    iterations : None to converge; k for k quadratic programs with full steps, from the last
+        solution as guess, where every target is weighted
+    max_iter : of one stage; there are six of them (with `Grid(real="float")` four), or one
     qp_solver : "qrqp", which alone becomes self-contained C; where curvature bounds or element
-        angles are active it often gives up, and `miss` tells: "qpoases" does not
+        angles are active it may give up, and `violation` tells: "qpoases" does not
 
     Returns
     -------
     casadi.Function
         Inputs: q_guess (n, 1), rad/m; positions (3, P), m, if any; rotations (3, 3 R), if any; in
         the order of `targets`. Outputs: q (n, 1), rad/m; distances (P, 1), m; angles (R, 1), rad;
-        miss (1, 1): the largest error of an unweighted target over its tolerance, or excess over a
-        limit of curvature (rad/m) or squared element angle (rad²) over 1e-6, at most 1 where all
-        is kept. It does not raise, but for NaN inputs: check `miss`. From an exactly straight guess
-        a target on the beam's axis has no gradient: guess a slight bend.
+        violation (1, 1): the largest error of an unweighted target over its tolerance, or excess
+        over a limit of weights, curvature (rad/m) or squared element angle (rad²) over 1e-6 (float:
+        1e-5), at most 1 where all is kept; stationarity (1, 1): what is left of the optimality
+        conditions (of the last programs, for `iterations`) over 1e-7 rad/m (float: 1e-4), at most 1
+        where it converged. It does not raise, but for NaN inputs: check both. From an exactly
+        straight guess a target on the beam's axis has no gradient: guess a slight bend.
     """
     function_name("name", name)
     targets = checked_problem(beam, targets)
@@ -93,6 +101,12 @@ def shape_target_function(
     )
     hessian = jacobian.T @ jacobian
     hessian += in_hessian * (weighted_jacobian.T @ weighted_jacobian + preference)
+    if iterations is not None and constrained:
+        raise ValueError(
+            "iterations: expected None, or a weight for every target (least squares): targets to "
+            "be met take several stages"
+        )
+    at_rest = rest_values(beam, targets)
     solver = gauss_newton_sqp(
         name + "_stage",
         q,
@@ -100,32 +114,45 @@ def shape_target_function(
         objective,
         hessian,
         limits.expression,
+        nominal=(0, ca.vertcat(at_rest, ca.DM.zeros(multipliers.shape), 1, 1)),
+        real=beam.grid.real,
+        scaled=beam.grid.real == "float" or not constrained,
+        iterations=None if iterations is None else count("iterations", iterations),
         max_iter=max_iter,
         qp_solver=qp_solver,
     )
 
     lower, upper = beam.bounds
-    bounds = {"lbx": lower, "ubx": upper, "lbg": limits.lower, "ubg": limits.upper}
     guess = ca.MX.sym("q_guess", beam.basis.n)
     best, y = ca.fmin(ca.fmax(guess, lower), upper), ca.MX.zeros(*multipliers.shape)
     error = ca.Function(name + "_error", [q, values], [problem.to_meet])
     weight = None
-    for a, b in _STAGES if constrained else _PREFERENCE_ONLY:
+    excess, left = [], []
+    for a, b in _STAGES[beam.grid.real] if constrained else _PREFERENCE_ONLY:
         y = y * (a / weight) if weight else y
-        best = solver(x0=best, p=ca.vertcat(values, y, a, b), **bounds)["x"]
+        stage = solver(best, ca.vertcat(values, y, a, b), lower, upper, limits.lower, limits.upper)
+        best = stage.x
         y, weight = y + error(best, values), a
+        excess.append(stage.violation)
+        left.append(stage.stationarity)
     outputs = ca.Function(
-        name + "_outcome", [q, values], [problem.distances, problem.angles, _miss(problem, limits)]
+        name + "_outcome", [q, values], [problem.distances, problem.angles, _miss(problem)]
     )
     distances, angles, miss = outputs(best, values)
+    limit = TOLERANCES[beam.grid.real].limit
     inputs = {"q_guess": guess, "positions": problem.positions, "rotations": problem.rotations}
     used = {key: symbol for key, symbol in inputs.items() if symbol.numel()}
-    results = {"q": best, "distances": distances, "angles": angles, "miss": miss}
+    results = {
+        "q": best,
+        "distances": distances,
+        "angles": angles,
+        "violation": ca.fmax(miss, excess[-1] / limit),
+        "stationarity": ca.mmax(ca.vertcat(*left[-2:])),
+    }
     kept = {key: value for key, value in results.items() if value.numel()}
     return ca.Function(name, [*used.values()], [*kept.values()], [*used], [*kept])
 
 
-def _miss(problem: Residuals, limits: Limits) -> ca.MX:
-    errors = ca.fabs(problem.to_meet) / problem.tolerances
-    excess = ca.fmax(limits.expression - limits.upper, limits.lower - limits.expression)
-    return ca.mmax(ca.vertcat(0, errors, excess / _LIMIT_TOLERANCE))
+def _miss(problem: Residuals) -> ca.MX:
+    """Largest error of a target to be met over its tolerance."""
+    return ca.mmax(ca.vertcat(0, ca.fabs(problem.to_meet) / problem.tolerances))

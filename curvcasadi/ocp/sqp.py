@@ -2,14 +2,70 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import casadi as ca
+
+from curvcasadi.expressions import Number
+from curvcasadi.grid import Real
 
 _QUIET: dict[str, dict[str, Any]] = {
     "qrqp": {"print_iter": False, "print_header": False, "print_info": False},
     "qpoases": {"printLevel": "none"},
 }
+#: Largest number of active-set changes of one quadratic program.
+_QP_ITERATIONS = 1000
+
+
+class Tolerances(NamedTuple):
+    """What counts as zero in a number format, in units of x (the objective is scaled so)."""
+
+    step: float  #: of Newton's steps, at which they end
+    dual: float  #: of the gradient, at which they end
+    primal: float  #: of the constraints, at which they end
+    program: tuple[float, float]  #: of a quadratic program, primal and dual
+    stationarity: float  #: of a solution that is called one
+    limit: float  #: by which a solution may exceed a limit
+
+
+TOLERANCES: dict[Real, Tolerances] = {
+    "double": Tolerances(1e-10, 1e-13, 1e-9, (1e-10, 1e-12), 1e-7, 1e-6),
+    "float": Tolerances(1e-6, 1e-8, 1e-6, (3e-7, 1e-8), 1e-4, 1e-5),
+}
+
+
+class Solution(NamedTuple):
+    """What a solver found; the last two by its result alone, whatever it says of itself."""
+
+    x: ca.MX
+    violation: ca.MX  #: largest excess over a bound or constraint
+    stationarity: ca.MX  #: distance from the optimality conditions over its tolerance
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GaussNewton:
+    """`sqpmethod` on a given positive semidefinite Hessian, with a certificate of its result."""
+
+    solver: ca.Function
+    certificate: ca.Function
+    iterations: int | None  #: None: converges; otherwise so many programs, with full steps
+
+    def __call__(
+        self, x0: ca.MX, p: ca.MX, lbx: Number, ubx: Number, lbg: Number, ubg: Number
+    ) -> Solution:
+        bounds = {"lbx": lbx, "ubx": ubx, "lbg": lbg, "ubg": ubg}
+        found, at = self.solver(x0=x0, p=p, **bounds), x0
+        for _ in range((self.iterations or 1) - 1):
+            at = found["x"]
+            warm = {"lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
+            found = self.solver(x0=at, p=p, **warm, **bounds)
+        if self.iterations is None:
+            at = found["x"]
+        violation, stationarity = self.certificate(
+            found["x"], at, p, found["lam_x"], found["lam_g"], *bounds.values()
+        )
+        return Solution(found["x"], violation, stationarity)
 
 
 def gauss_newton_sqp(
@@ -20,21 +76,39 @@ def gauss_newton_sqp(
     hessian: ca.MX,
     constraints: ca.MX,
     *,
-    max_iter: int,
-    tolerance: float = 1e-9,
-    line_search: bool = True,
+    nominal: tuple[Number, Number],
+    real: Real,
+    scaled: bool = True,
+    iterations: int | None = None,
+    max_iter: int = 100,
     qp_solver: str = "qrqp",
-) -> ca.Function:
-    """`sqpmethod` on a given positive semidefinite Hessian of the objective.
+) -> GaussNewton:
+    """Solver of min objective, lbx ≤ x ≤ ubx, lbg ≤ constraints ≤ ubg; with `qrqp` it becomes C.
 
-    With `qrqp` it becomes self-contained C. Nothing is printed and nothing raised: a caller checks
-    the result. Without line search every step is full, as real-time iterations want it.
+    Nothing is printed and nothing raised: a caller checks the certificate.
+
+    Parameters
+    ----------
+    nominal : numbers (x, parameters) at which the largest diagonal entry of the Hessian scales the
+        objective. Gradients and multipliers then have the size of x, which `qrqp` needs: unscaled
+        it gave up on half of the programs with many active bounds
+    real : of the numbers that it will compute with, for tolerances that it can meet
+    scaled : False keeps the objective as it is, for QP solvers that would lose the least part of it
+    iterations : None to converge within `max_iter`; k for k quadratic programs with full steps
     """
     if not ca.has_conic(qp_solver):
         raise ValueError(f"qp_solver: expected a QP solver of CasADi, found {qp_solver!r}")
-    scale = ca.MX.sym("lam_f")
-    multipliers = ca.MX.sym("lam_g", constraints.shape[0])
+    largest = ca.Function("largest", [x, parameters], [ca.mmax(ca.diag(hessian))])(*nominal)
+    stiffness = float(largest)
+    if scaled:
+        objective, hessian, stiffness = objective / stiffness, hessian / stiffness, 1.0
+    tolerances = TOLERANCES[real]
     qp_options = {"error_on_fail": False, **_QUIET.get(qp_solver, {})}
+    if qp_solver == "qrqp":
+        primal, dual = tolerances.program
+        at_most = {"constr_viol_tol": primal, "dual_inf_tol": dual * stiffness}
+        qp_options |= {"max_iter": _QP_ITERATIONS, **at_most}
+    scale, multipliers = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", constraints.shape[0])
     options: dict[str, Any] = {
         "hess_lag": ca.Function(
             name + "_hessian",
@@ -46,14 +120,69 @@ def gauss_newton_sqp(
         "qpsol": qp_solver,
         "qpsol_options": qp_options,
         "error_on_fail": False,
-        "max_iter": max_iter,
-        **({} if line_search else {"max_iter_ls": 0}),
-        "tol_du": tolerance,
-        "tol_pr": tolerance,
+        "max_iter": max_iter if iterations is None else 1,
+        **({} if iterations is None else {"max_iter_ls": 0}),
+        "tol_du": tolerances.dual * stiffness,
+        "tol_pr": tolerances.primal,
+        "min_step_size": tolerances.step,
         "print_header": False,
         "print_iteration": False,
         "print_status": False,
         "print_time": False,
     }
     nlp: dict[str, Any] = {"x": x, "p": parameters, "f": objective, "g": constraints}
-    return ca.nlpsol(name, "sqpmethod", nlp, options)
+    return GaussNewton(
+        solver=ca.nlpsol(name, "sqpmethod", nlp, options),
+        certificate=_certificate(
+            f"{name}_certificate",
+            x,
+            parameters,
+            objective,
+            hessian,
+            constraints,
+            stiffness,
+            tolerances.stationarity,
+        ),
+        iterations=iterations,
+    )
+
+
+def _certificate(
+    name: str,
+    x: ca.MX,
+    parameters: ca.MX,
+    objective: ca.MX,
+    hessian: ca.MX,
+    constraints: ca.MX,
+    stiffness: float,
+    tolerance: float,
+) -> ca.Function:
+    """(x, the point of linearization, p, λ_x, λ_g, bounds) -> violation, stationarity.
+
+    The optimality conditions of the quadratic program at that point; at x itself, those of the
+    problem: ∇f + H Δx + Jᵀ λ_g + λ_x = 0, and a multiplier only where its bound is reached;
+    all over `stiffness`, the size of the Hessian, and so in units of x.
+    """
+    n, m = x.shape[0], constraints.shape[0]
+    found, lam_x, lbx, ubx = (ca.MX.sym(key, n) for key in ("found", "lam_x", "lbx", "ubx"))
+    lam_g, lbg, ubg = (ca.MX.sym(key, m) for key in ("lam_g", "lbg", "ubg"))
+    step = found - x
+    gradient = ca.gradient(objective + ca.dot(lam_g, constraints), x)
+    gradient += hessian @ step + lam_x
+    reached = ca.vertcat(found, constraints + ca.jtimes(constraints, x, step))
+    lower, upper = ca.vertcat(lbx, lbg), ca.vertcat(ubx, ubg)
+    multipliers = ca.vertcat(lam_x, lam_g) / stiffness
+    idle = ca.vertcat(
+        ca.fmin(ca.fmax(multipliers, 0), upper - reached),
+        ca.fmin(ca.fmax(-multipliers, 0), reached - lower),
+    )
+    values = ca.Function(f"{name}_constraints", [x, parameters], [constraints])(found, parameters)
+    values = ca.vertcat(found, values)
+    violation = ca.mmax(ca.vertcat(0, lower - values, values - upper))
+    # The Euclidean norm, as a maximum would overlook NaN.
+    stationarity = ca.norm_2(ca.vertcat(gradient / stiffness, idle)) / tolerance
+    return ca.Function(
+        name,
+        [found, x, parameters, lam_x, lam_g, lbx, ubx, lbg, ubg],
+        [violation, stationarity],
+    )

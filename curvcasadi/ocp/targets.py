@@ -31,6 +31,7 @@ from curvcasadi.statics import stiffness_matrix
 
 #: Fraction of the length, and rad, within which a target counts as met unless it says otherwise.
 TOLERANCE = 1e-6
+_TOLERANCES = {"double": TOLERANCE, "float": 10 * TOLERANCE}
 
 Regularizer = Literal["smoothness", "strain_energy"]
 REGULARIZERS = ("smoothness", "strain_energy")
@@ -48,7 +49,9 @@ class Target:
     position: Number | None = None  #: (3, 1), m
     rotation: Number | None = None  #: (3, 3), local to parent
     weight: float | None = None  #: dimensionless
-    tolerance: float | None = None  #: fraction of the length and rad; 1e-6 unless given
+    #: fraction of the length and rad; 1e-6 unless given, in `shape_target_function` of a beam for
+    #: single precision 1e-5
+    tolerance: float | None = None
 
     def __post_init__(self) -> None:
         station("Target.xi", self.xi)
@@ -125,7 +128,7 @@ def residuals(beam: Beam, targets: Sequence[Target], q: ca.MX) -> Residuals:
             parts["angles"].append(ca.norm_2(error))
         if target.weight is None:
             parts["to_meet"] += errors
-            tolerance = TOLERANCE if target.tolerance is None else float(target.tolerance)
+            tolerance = float(target.tolerance or _TOLERANCES[beam.grid.real])
             parts["tolerances"] += [tolerance] * (3 * len(errors))
         else:
             parts["weighted"] += [np.sqrt(float(target.weight)) * error for error in errors]
@@ -152,6 +155,17 @@ def values_of(targets: Sequence[Target]) -> tuple[ca.DM, ca.DM]:
         ca.horzcat(*positions) if positions else ca.DM(3, 0),
         ca.horzcat(*rotations) if rotations else ca.DM(3, 0),
     )
+
+
+def rest_values(beam: Beam, targets: Sequence[Target]) -> ca.DM:
+    """Values, positions before rotations, that the straight or pre-bent beam, q = 0, meets."""
+    stations = [float(target.xi) for target in targets]
+    position, rotation = pose_function("target_poses", beam, stations)(0)
+    positions = [position[:, k] for k, t in enumerate(targets) if t.position is not None]
+    rotations = [
+        rotation[:, 3 * k : 3 * k + 3] for k, t in enumerate(targets) if t.rotation is not None
+    ]
+    return ca.DM(ca.veccat(*positions, *rotations))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -9,7 +9,7 @@ from curvcasadi.control_model import ControlModel
 from curvcasadi.expressions import Array, Number, count, function_name, instance, positive
 from curvcasadi.integrators import rk4_step
 from curvcasadi.lie import so3
-from curvcasadi.ocp.sqp import gauss_newton_sqp
+from curvcasadi.ocp.sqp import TOLERANCES, gauss_newton_sqp
 from curvcasadi.ocp.targets import numeric
 
 
@@ -47,9 +47,9 @@ def tip_path_step_function(
     rate_bound : rad/(m s), one number or one per state; curvature_bound : rad/m, one or three
     iterations : None to converge, 1 for a real-time iteration (one quadratic program, full step)
     qp_solver : "qrqp", which alone becomes self-contained C, or another of CasADi's for singular
-        Hessians. A single program of `qrqp` fails where many bounds hold at once (half of those
-        that start far from the path, with rates at their bounds), which `miss` tells: do not apply
-        `u` then. "qpoases" does not fail there; iterated to convergence neither does.
+        Hessians. Where many bounds hold at once, far from the path with rates at their bounds, one
+        in ten single programs of `qrqp` fails, which the last two outputs tell: do not apply `u`
+        then. "qpoases" does not fail there.
 
     Returns
     -------
@@ -57,7 +57,10 @@ def tip_path_step_function(
         Inputs: x (n, 1), p (m, 1), u_previous, positions (3, N), m, and rotations (3, 3 N), local
         to parent, at the ends of the stages, and guess (the last one's plan; zeros at first).
         Outputs: u, the input to apply now; plan, the guess for the next step, shifted by a stage;
-        states (n, N + 1); miss (1, 1): the largest violation of a bound or of the model.
+        states (n, N + 1); violation (1, 1): the largest excess over a bound, or of the model, over
+        1e-6 (`ControlModel.real` float: 1e-5); stationarity (1, 1): what is left of the optimality
+        conditions, of the last program for a number of iterations, over 1e-7 (float: 1e-4). At most
+        1 both, where `u` may be applied.
     """
     function_name("name", name)
     instance("model", model, ControlModel)
@@ -102,8 +105,9 @@ def tip_path_step_function(
         objective,
         hessian,
         constraints,
-        max_iter=100 if iterations is None else count("iterations", iterations),
-        line_search=iterations is None,
+        nominal=(0, _at_rest(model, stages)),
+        real=model.real,
+        iterations=None if iterations is None else count("iterations", iterations),
         qp_solver=qp_solver,
     )
 
@@ -115,20 +119,26 @@ def tip_path_step_function(
     lbg = np.concatenate([closed, *[limits.lower] * stages])
     ubg = np.concatenate([closed, *[limits.upper] * stages])
     guess = ca.MX.sym("guess", plan.shape[0])
-    solution = solver(
-        x0=ca.fmin(ca.fmax(guess, lbx), ubx), p=parameters, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg
-    )
-    best, g = solution["x"], solution["g"]
+    inside = ca.fmin(ca.fmax(guess, lbx), ubx)
+    best, violation, stationarity = solver(inside, parameters, lbx, ubx, lbg, ubg)
     applied, states = _unpack(best, nu, nx, stages)
     shifted = ca.vertcat(best[nu + nx :], best[-(nu + nx) :])
-    miss = ca.mmax(ca.vertcat(lbg - g, g - ubg, 0))
+    violation /= TOLERANCES[model.real].limit
     return ca.Function(
         name,
         [x0, p, u_previous, positions, rotations, guess],
-        [applied[0], shifted, ca.horzcat(x0, *states), miss],
+        [applied[0], shifted, ca.horzcat(x0, *states), violation, stationarity],
         ["x", "p", "u_previous", "positions", "rotations", "guess"],
-        ["u", "plan", "states", "miss"],
+        ["u", "plan", "states", "violation", "stationarity"],
     )
+
+
+def _at_rest(model: ControlModel, stages: int) -> ca.DM:
+    """Parameters (x, p, u_previous, positions, rotations) of a path that stays where x = 0 is."""
+    x, u, p = (ca.DM.zeros(part.size) for part in (model.x, model.u, model.p))
+    y = model.y.split(model.output(x, u, p))
+    poses = ca.repmat(y["position"], stages), ca.repmat(y["rotation"], stages)
+    return ca.DM(ca.vertcat(x, p, u, *poses))
 
 
 def _unpack(plan: ca.MX, nu: int, nx: int, stages: int) -> tuple[list[ca.MX], list[ca.MX]]:

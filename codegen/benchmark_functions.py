@@ -15,11 +15,14 @@ import numpy as np
 
 import curvcasadi as cc
 from benchmarks import wing as test_wing
+from codegen.budgets import Relation
 
 CPUS = ("cortex-m7", "cortex-m4")
 
 #: Tip error, in lengths, that the midpoint rule and magnus4 are compared at.
 TIP_ERROR = 1e-4
+
+SAMPLES = 5
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -75,10 +78,100 @@ def tip(beam: cc.Beam) -> list[ca.Function]:
     return [cc.tip_function(beam)]
 
 
+def shape_target(beam: cc.Beam) -> list[ca.Function]:
+    """The whole solve for a tip position, and one iteration of it."""
+    target = cc.Target(xi=1.0, position=[15.0, 0, 3], weight=1.0)
+    return [
+        cc.shape_target_function(
+            beam, [target], regularization=1e-6, max_iter=iterations, name=name
+        )
+        for name, iterations in (("shape_target", 15), ("shape_target_step", 1))
+    ]
+
+
+def shape_target_samples(beam: cc.Beam) -> dict[str, Any]:
+    """From a slight bend to strongly bent ones; one iteration from near the target."""
+    random = np.random.default_rng(0)
+    position = cc.tip_function(beam)
+    goals = random.uniform(-0.04, 0.04, (SAMPLES, beam.basis.n))
+    near = [goal + random.uniform(-1e-3, 1e-3, beam.basis.n) for goal in goals]
+    slight = np.full(beam.basis.n, 0.01)
+    return {
+        "shape_target": [(slight, position(goal)[0]) for goal in goals],
+        "shape_target_step": [
+            (guess, position(goal)[0]) for guess, goal in zip(near, goals, strict=True)
+        ],
+    }
+
+
+STAGES, DT = 4, 0.05  # of the MPC, s
+
+
+def tip_path(beam: cc.Beam) -> list[ca.Function]:
+    """One step of the tip-path MPC: to convergence, and one real-time iteration."""
+    model = cc.kinematic_model(beam, time_constant=0.25)
+    return [
+        cc.tip_path_step_function(
+            model, dt=DT, horizon=STAGES, attitude_weight=25, iterations=iterations, name=name
+        )
+        for name, iterations in (("tip_path", None), ("tip_path_step", 1))
+    ]
+
+
+def tip_path_samples(beam: cc.Beam) -> dict[str, Any]:
+    """Steps towards a path that begins near the state."""
+    random = np.random.default_rng(0)
+    n, tip = beam.basis.n, cc.tip_function(beam)
+    samples = []
+    for _ in range(SAMPLES):
+        start, slope = random.uniform(-0.03, 0.03, n), random.uniform(-0.02, 0.02, n)
+        poses = [tip(start + slope * DT * (k + 1)) for k in range(STAGES)]
+        path = [ca.horzcat(*part) for part in zip(*poses, strict=True)]
+        samples.append((start, np.zeros(n), start, *path, np.tile(start, 2 * STAGES)))
+    return {"tip_path": samples, "tip_path_step": samples}
+
+
+def equilibrium(beam: cc.Beam) -> list[ca.Function]:
+    """Under a dead force at the tip, an input."""
+    force = ca.MX.sym("force", 3)
+    loads = [cc.PointForce(xi=1.0, force=force, frame="dead")]
+    return [cc.equilibrium_function(beam, loads, {"force": force}, max_iter=15)]
+
+
+def equilibrium_samples(beam: cc.Beam) -> dict[str, Any]:
+    forces = np.random.default_rng(0).uniform(-30, 30, (SAMPLES, 3))
+    return {"equilibrium": [(np.zeros(beam.basis.n), force) for force in forces]}
+
+
 LIBRARIES = (
     Library(name="midpoint_32", beam=wing(), functions=tips),
     Library(name="midpoint_64", beam=wing(64), functions=tips),
     Library(name="double_32", beam=wing(real="double"), functions=tips, cpus=("cortex-m7",)),
     Library(name="bent_midpoint", beam=strongly_bent("midpoint", 0.06), functions=tip),
     Library(name="bent_magnus4", beam=strongly_bent("magnus4", 0.7), functions=tip),
+    Library(
+        name="target", beam=wing(), functions=shape_target, reference_inputs=shape_target_samples
+    ),
+    Library(name="mpc", beam=wing(), functions=tip_path, reference_inputs=tip_path_samples),
+    Library(
+        name="statics", beam=wing(), functions=equilibrium, reference_inputs=equilibrium_samples
+    ),
+)
+
+RELATIONS = (
+    Relation(quantity="instructions", of="midpoint_64.tip", to="midpoint_32.tip", factor=2.05),
+    Relation(
+        quantity="instructions",
+        of="midpoint_64.tip_jacobian",
+        to="midpoint_32.tip_jacobian",
+        factor=2.05,
+    ),
+    Relation(quantity="text", of="midpoint_64.tip", to="midpoint_32.tip", more=5 * 1024),
+    Relation(
+        quantity="text",
+        of="midpoint_64.tip_jacobian",
+        to="midpoint_32.tip_jacobian",
+        more=5 * 1024,
+    ),
+    Relation(quantity="instructions", of="bent_magnus4.tip", to="bent_midpoint.tip", factor=1 / 3),
 )

@@ -10,8 +10,9 @@ from pathlib import Path
 FILE = Path(__file__).parent / "budgets.toml"
 #: Parts of a budget by which a number may exceed it, and below which it is worth a word.
 EXCESS, SHORTFALL = 0.03, 0.10
-#: Quantities, in the order of tables; bytes but for the last.
-QUANTITIES = ("code", "tables", "libm", "ram", "stack", "instructions")
+#: Quantities, in the order of tables; bytes but for the last. The text of the library is its code
+#: and constants, the tables; what it uses of libm is counted apart.
+QUANTITIES = ("text", "tables", "libm", "ram", "stack", "instructions")
 
 Numbers = Mapping[str, int]
 
@@ -41,14 +42,48 @@ def load(path: Path = FILE) -> Budgets:
     )
 
 
+def updated(budgets: Budgets, measured: Mapping[str, Numbers], compiler: str) -> Budgets:
+    """`budgets` with the numbers of `measured`; what was not measured keeps its own."""
+    return Budgets(
+        compiler=compiler,
+        budget={**budgets.budget, **measured},
+        required=budgets.required,
+    )
+
+
 def text(budgets: Budgets) -> str:
     """The budget file."""
     lines = [f"{_HEAD}compiler = {_quoted(budgets.compiler)}"]
-    for key, numbers in budgets.budget.items():
-        lines += ["", f"[functions.{_quoted(key)}]", f"budget = {_inline(numbers)}"]
-        if budgets.required.get(key):
-            lines.append(f"required = {_inline(budgets.required[key])}")
+    for key in sorted({*budgets.budget, *budgets.required}):
+        lines += ["", f"[functions.{_quoted(key)}]"]
+        fields = {"budget": budgets.budget, "required": budgets.required}
+        lines += [f"{name} = {_inline(of[key])}" for name, of in fields.items() if of.get(key)]
     return "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Relation:
+    """On every CPU, a quantity of one function is at most `factor` × that of another + `more`."""
+
+    quantity: str
+    of: str  #: "library.function"
+    to: str
+    factor: float = 1.0
+    more: int = 0
+
+    def lines(self, measured: Mapping[str, Numbers]) -> list[tuple[str, bool]]:
+        """What was found, and whether the relation holds, for every CPU that has both."""
+        found = []
+        for key in measured:
+            cpu = key.rpartition(".")[2]
+            other = f"{self.to}.{cpu}"
+            if key != f"{self.of}.{cpu}" or other not in measured:
+                continue
+            ours, theirs = measured[key][self.quantity], measured[other][self.quantity]
+            line = f"{key}: {ours} {self.quantity}, {ours / theirs:.2f} times {self.to}'s {theirs}"
+            limit = f"at most {self.factor:.2f} times" + (f" + {self.more}" if self.more else "")
+            found.append((f"{line} ({limit})", ours <= self.factor * theirs + self.more))
+        return found
 
 
 def failures(measured: Mapping[str, Numbers], budgets: Budgets) -> list[str]:

@@ -18,7 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from codegen import budgets, map_file, toolchain
-from codegen.benchmark_functions import LIBRARIES, Library
+from codegen.benchmark_functions import LIBRARIES, RELATIONS, Library
 
 _MEASURED = re.compile(r"^measured (\w+) instructions=(\d+) stack=(\d+)$", re.M)
 
@@ -54,7 +54,7 @@ def _measure(folder: Path, build: Path, cpu: str, name: str, common: list[Path])
     own = map_file.sizes(linked, ["curv.o", "curv_functions.o"])
     libm = map_file.sizes(linked, ["libm.a"])
     return {
-        "code": own["code"],
+        "text": own["code"] + own["tables"],
         "tables": own["tables"],
         "libm": libm["code"] + libm["tables"],
         "ram": own["ram"],
@@ -111,7 +111,27 @@ def main() -> int:
     measured = measure_all(chosen, options.out)
     print("Bytes, and instructions (not cycles) of the worst sample:\n")
     print(table(measured))
-    return 0
+    return compare(measured, update=options.update)
+
+
+def compare(measured: Mapping[str, Mapping[str, int]], *, update: bool) -> int:
+    """Exit status: 1 where `measured` is too much; with `update` it becomes the budget first."""
+    allowed, compiler = budgets.load(), toolchain.compiler_version()
+    if update:
+        allowed = budgets.updated(allowed, measured, compiler)
+        budgets.FILE.write_text(budgets.text(allowed))
+    related = [pair for relation in RELATIONS for pair in relation.lines(measured)]
+    failed = budgets.failures(measured, allowed) + [line for line, holds in related if not holds]
+    for title, lines in (
+        ("Relations:", [line for line, _ in related]),
+        ("Far below their budgets (--update keeps that):", budgets.savings(measured, allowed)),
+        ("Too much:", failed),
+    ):
+        if lines:
+            print("\n".join(["", title, *lines]))
+    if failed and compiler != allowed.compiler:
+        print(f"\nThe budgets are those of {allowed.compiler}; this is {compiler}.")
+    return 1 if failed else 0
 
 
 if __name__ == "__main__":

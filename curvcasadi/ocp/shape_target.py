@@ -75,7 +75,7 @@ def shape_target_function(
         violation (1, 1): the largest error of an unweighted target over its tolerance, or excess
         over a limit of weights, curvature (rad/m) or squared element angle (rad²) over 1e-6 (float:
         1e-5), at most 1 where all is kept; stationarity (1, 1): what is left of the optimality
-        conditions (of the last programs, for `iterations`) over 1e-7 rad/m (float: 1e-4), at most 1
+        conditions (of the last programs, for `iterations`) over 1e-8 rad/m (float: 1e-4), at most 1
         where it converged. It does not raise, but for NaN inputs: check both. From an exactly
         straight guess a target on the beam's axis has no gradient: guess a slight bend.
     """

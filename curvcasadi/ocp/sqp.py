@@ -30,8 +30,8 @@ class Tolerances(NamedTuple):
 
 
 TOLERANCES: dict[Real, Tolerances] = {
-    "double": Tolerances(1e-10, 1e-13, 1e-9, (1e-10, 1e-12), 1e-7, 1e-6),
-    "float": Tolerances(1e-6, 1e-8, 1e-6, (3e-7, 1e-8), 1e-4, 1e-5),
+    "double": Tolerances(1e-10, 1e-13, 1e-9, (1e-10, 1e-12), 1e-8, 1e-6),
+    "float": Tolerances(1e-5, 3e-8, 1e-6, (3e-7, 1e-8), 1e-4, 1e-5),
 }
 
 
@@ -138,7 +138,7 @@ def gauss_newton_sqp(
             x,
             parameters,
             objective,
-            hessian,
+            None if iterations is None else hessian,
             constraints,
             stiffness,
             tolerances.stationarity,
@@ -152,37 +152,40 @@ def _certificate(
     x: ca.MX,
     parameters: ca.MX,
     objective: ca.MX,
-    hessian: ca.MX,
+    hessian: ca.MX | None,
     constraints: ca.MX,
     stiffness: float,
     tolerance: float,
 ) -> ca.Function:
-    """(x, the point of linearization, p, λ_x, λ_g, bounds) -> violation, stationarity.
+    """(solution, x, p, λ_x, λ_g, bounds) -> violation, stationarity.
 
-    The optimality conditions of the quadratic program at that point; at x itself, those of the
-    problem: ∇f + H Δx + Jᵀ λ_g + λ_x = 0, and a multiplier only where its bound is reached;
-    all over `stiffness`, the size of the Hessian, and so in units of x.
+    Without a Hessian the optimality conditions at the solution, which is x: ∇f + Jᵀ λ_g + λ_x = 0,
+    and a multiplier only where its bound is reached; with it those of the quadratic program at x,
+    with f and the constraints expanded in Δx. All over `stiffness`, the size of the Hessian, and so
+    in units of x.
     """
     n, m = x.shape[0], constraints.shape[0]
-    found, lam_x, lbx, ubx = (ca.MX.sym(key, n) for key in ("found", "lam_x", "lbx", "ubx"))
+    solution, lam_x, lbx, ubx = (ca.MX.sym(key, n) for key in ("solution", "lam_x", "lbx", "ubx"))
     lam_g, lbg, ubg = (ca.MX.sym(key, m) for key in ("lam_g", "lbg", "ubg"))
-    step = found - x
-    gradient = ca.gradient(objective + ca.dot(lam_g, constraints), x)
-    gradient += hessian @ step + lam_x
-    reached = ca.vertcat(found, constraints + ca.jtimes(constraints, x, step))
+    gradient = ca.gradient(objective + ca.dot(lam_g, constraints), x) + lam_x
+    expanded = constraints
+    if hessian is not None:
+        gradient += hessian @ (solution - x)
+        expanded += ca.jtimes(constraints, x, solution - x)
+    reached = ca.vertcat(solution, expanded)
     lower, upper = ca.vertcat(lbx, lbg), ca.vertcat(ubx, ubg)
     multipliers = ca.vertcat(lam_x, lam_g) / stiffness
     idle = ca.vertcat(
-        ca.fmin(ca.fmax(multipliers, 0), upper - reached),
-        ca.fmin(ca.fmax(-multipliers, 0), reached - lower),
+        ca.fmin(ca.fmax(multipliers, 0), ca.fmax(upper - reached, 0)),
+        ca.fmin(ca.fmax(-multipliers, 0), ca.fmax(reached - lower, 0)),
     )
-    values = ca.Function(f"{name}_constraints", [x, parameters], [constraints])(found, parameters)
-    values = ca.vertcat(found, values)
+    constrained = ca.Function(f"{name}_constraints", [x, parameters], [constraints])
+    values = ca.vertcat(solution, constrained(solution, parameters))
     violation = ca.mmax(ca.vertcat(0, lower - values, values - upper))
     # The Euclidean norm, as a maximum would overlook NaN.
     stationarity = ca.norm_2(ca.vertcat(gradient / stiffness, idle)) / tolerance
     return ca.Function(
         name,
-        [found, x, parameters, lam_x, lam_g, lbx, ubx, lbg, ubg],
+        [solution, x, parameters, lam_x, lam_g, lbx, ubx, lbg, ubg],
         [violation, stationarity],
     )

@@ -1,0 +1,144 @@
+"""The certificate that solvers give with their result, and the scaling that `qrqp` needs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import curvcasadi as cc
+from curvcasadi.ocp.sqp import TOLERANCES, gauss_newton_sqp
+from curvcasadi.reference_wings import hale_wing
+
+WING = hale_wing()
+TIP = cc.Target(xi=1.0, position=[0, 14, -5], weight=1.0)
+
+
+def _disc(stretch=1.0, iterations=None, max_iter=50):
+    """min stretch ½ |x − p|² with x0 + x1 ≤ 1 and −2 ≤ x ≤ 2."""
+    x, p = ca.MX.sym("x", 2), ca.MX.sym("p", 2)
+    solver = gauss_newton_sqp(
+        "disc",
+        x,
+        p,
+        stretch * ca.sumsqr(x - p) / 2,
+        stretch * ca.MX.eye(2),
+        ca.sum1(x),
+        nominal=(0, 0),
+        real="double",
+        iterations=iterations,
+        max_iter=max_iter,
+    )
+    start = ca.MX.sym("start", 2)
+    solution = solver(start, p, -2, 2, -ca.inf, 1)
+    return ca.Function("solve", [start, p], [*solution]), solver
+
+
+@pytest.mark.parametrize("stretch", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize(
+    "p, expected",
+    [((0, 0.5), (0, 0.5)), ((2, 1), (1, 0)), ((-5, 0), (-2, 0)), ((9, 9), (0.5, 0.5))],
+)
+def test_solutions_are_certified_whatever_the_unit_of_the_objective(stretch, p, expected):
+    solve, _ = _disc(stretch)
+    x, violation, stationarity = solve([0, 0], p)
+    np.testing.assert_allclose(x, np.reshape(expected, (2, 1)), atol=1e-8)  # of the solver
+    assert float(violation) <= 1e-9
+    assert float(stationarity) <= 1
+
+
+@pytest.mark.parametrize(
+    "x, lam_x, lam_g, violation, stationarity",
+    [
+        ((1, 0), (0, 0), 1.0, 0, 0),  # the optimum of p = (2, 1)
+        ((1, 0), (0, 0), 0.9, 0, 0.1 * np.sqrt(2)),  # gradient and multiplier out of balance
+        ((0.5, 0.5), (0, 0), 1.0, 0, np.sqrt(0.5)),  # on the constraint, at the wrong place
+        ((2, 1), (0, 0), 0.0, 2, 0),  # the free optimum, beyond the constraint
+        ((1, -0.5), (0, 0.5), 1.0, 0, np.sqrt(0.5)),  # multipliers of limits that are not reached
+        ((np.nan, 0), (0, 0), 1.0, None, np.nan),
+    ],
+)
+def test_the_certificate_is_that_of_the_optimality_conditions(
+    x, lam_x, lam_g, violation, stationarity
+):
+    _, solver = _disc()
+    found = solver.certificate(x, x, (2, 1), lam_x, lam_g, (-2, -2), (2, 2), -ca.inf, 1)
+    if violation is not None:
+        assert float(found[0]) == pytest.approx(violation, abs=1e-15)  # rounding
+    left = float(found[1]) * TOLERANCES["double"].stationarity
+    assert left == pytest.approx(stationarity, abs=1e-12, nan_ok=True)  # rounding over 1e-8
+
+
+def test_too_few_iterations_are_not_certified():
+    targets = [TIP]
+    few, enough = (
+        cc.shape_target_function(WING, targets, regularization=1e-4, max_iter=n) for n in (2, 60)
+    )
+    arguments = {"q_guess": 0.001, "positions": [0, 13, -7]}
+    assert float(few(**arguments)["stationarity"]) > 1
+    assert float(enough(**arguments)["stationarity"]) <= 1
+
+
+def test_a_real_time_iteration_is_certified_by_its_program():
+    step = cc.shape_target_function(WING, [TIP], iterations=1, regularization=1e-4)
+    first = step(q_guess=0.001, positions=[0, 13, -7])
+    # The step is that of the program, exactly, though the tip is not there yet.
+    assert float(first["stationarity"]) <= 1
+    assert float(first["distances"]) > 0.1
+    q = first["q"]
+    for _ in range(30):
+        q = step(q_guess=q, positions=[0, 13, -7])["q"]
+    whole = cc.shape_target_function(WING, [TIP], regularization=1e-4)
+    expected = whole(q_guess=0.001, positions=[0, 13, -7])["q"]
+    np.testing.assert_allclose(q, expected, atol=1e-7)  # both converge linearly
+
+
+def test_several_programs_are_as_many_real_time_iterations():
+    one, three = (
+        cc.shape_target_function(WING, [TIP], iterations=n, regularization=1e-4) for n in (1, 3)
+    )
+    q = ca.DM(np.full(9, 0.001))
+    for _ in range(3):
+        q = one(q_guess=q, positions=[0, 13, -7])["q"]
+    found = three(q_guess=0.001, positions=[0, 13, -7])["q"]
+    np.testing.assert_allclose(found, q, atol=1e-12)  # programs started at their multipliers
+
+
+def test_targets_to_be_met_take_no_single_programs():
+    with pytest.raises(ValueError, match="iterations: expected None, or a weight for every target"):
+        cc.shape_target_function(WING, [replace(TIP, weight=None)], iterations=1)
+
+
+BOUNDS = {"rate_bound": 0.1, "curvature_bound": 0.08}
+
+
+def test_what_qrqp_could_not_solve_is_not_certified_and_the_rest_is_right():
+    model = cc.kinematic_model(WING, time_constant=0.3)
+    quick, sure = (
+        cc.tip_path_step_function(
+            model, dt=0.1, horizon=4, iterations=1, qp_solver=solver, **BOUNDS
+        )
+        for solver in ("qrqp", "qpoases")
+    )
+    random = np.random.default_rng(1)
+    refused = 0
+    for _ in range(60):
+        x, q = random.uniform(-0.005, 0.005, 9), random.uniform(-0.03, 0.03, 9)
+        tip = cc.pose_at(WING, q, 1.0)
+        path = [ca.repmat(part, 1, 4) for part in (tip.position, tip.rotation)]
+        found, best = (
+            f.call([x, ca.DM.zeros(9), x, *path, ca.DM.zeros(72)]) for f in (quick, sure)
+        )
+        assert float(best[3]) <= 1
+        assert float(best[4]) <= 1
+        if float(found[3]) <= 1 and float(found[4]) <= 1:
+            # Where both are optimal to 1e-8 of the stiffest direction, the softest, 6e-7 of it by
+            # the weight of moves, leaves that much; the path's direction is stiff.
+            tips = [cc.pose_at(WING, f[2][:, 1], 1.0).position for f in (found, best)]
+            assert float(ca.norm_2(tips[0] - tips[1])) <= 1e-2
+        else:
+            refused += 1
+    # Half of such programs without scaled objectives.
+    assert refused <= 9

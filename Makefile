@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test benchmarks figures clean
+.PHONY: demo test target-test benchmarks figures clean
 
 demo: $(VENV)/installed
 	@command -v gcc >/dev/null || { echo "make demo compiles C: gcc is missing (Debian: apt-get install gcc)"; exit 1; }
@@ -18,6 +18,10 @@ test: $(VENV)/installed-test
 	$(BIN)/mypy
 	$(BIN)/mypy --strict --follow-imports=silent -p curvcasadi.lie -m curvcasadi.basis -m curvcasadi.families -m curvcasadi.grid -m curvcasadi.layout
 	$(BIN)/pytest -n 2
+
+target-test: $(VENV)/installed-test
+	$(BIN)/python -m codegen.target
+	$(BIN)/python -m codegen.firmware.run
 
 benchmarks: $(VENV)/installed-test
 	$(BIN)/python -m benchmarks

@@ -37,8 +37,8 @@ def load(path: Path = FILE) -> Budgets:
     entries = tables.get("functions", {})
     return Budgets(
         compiler=tables.get("compiler", ""),
-        budget={key: entry.get("budget", {}) for key, entry in entries.items()},
-        required={key: entry.get("required", {}) for key, entry in entries.items()},
+        budget={key: entry["budget"] for key, entry in entries.items() if "budget" in entry},
+        required={key: entry["required"] for key, entry in entries.items() if "required" in entry},
     )
 
 

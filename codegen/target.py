@@ -108,7 +108,10 @@ def main() -> int:
         print("\n".join(missing), file=sys.stderr)
         return 2
     chosen = [x for x in LIBRARIES if not options.only or x.name in options.only]
+    if not chosen:
+        parser.error(f"--only: expected names among {', '.join(x.name for x in LIBRARIES)}")
     measured = measure_all(chosen, options.out)
+    toolchain.build_by_cmake(options.out / chosen[0].name)
     print("Bytes, and instructions (not cycles) of the worst sample:\n")
     print(table(measured))
     return compare(measured, update=options.update)

@@ -10,11 +10,13 @@ from pathlib import Path
 
 CORTEX_M = Path(__file__).parent / "cortex_m"
 GCC, NM, QEMU = "arm-none-eabi-gcc", "arm-none-eabi-nm", "qemu-system-arm"
+CMAKE, CTEST = "cmake", "ctest"
 #: Programs, and the Debian packages that they come in.
 PACKAGES = {
     GCC: "gcc-arm-none-eabi libnewlib-arm-none-eabi",
     NM: "binutils-arm-none-eabi",
     QEMU: "qemu-system-arm",
+    CMAKE: "cmake",
 }
 CPU_FLAGS = {
     "cortex-m7": ("-mcpu=cortex-m7", "-mfpu=fpv5-d16"),
@@ -95,6 +97,19 @@ def emulate(program: Path, cpu: str, *, folder: Path | None = None) -> str:
         ],
         folder=folder,
     )
+
+
+def build_by_cmake(folder: Path) -> None:
+    """Build an export by the CMake project in it: self-test on this machine, and each target."""
+    host = str(folder / "host")
+    run([CMAKE, "-S", str(folder), "-B", host])
+    run([CMAKE, "--build", host])
+    run([CTEST, "--test-dir", host])
+    for cpu in CPU_FLAGS:
+        target = str(folder / f"{cpu}-cmake")
+        toolchain = str((folder / "cortex-m.cmake").resolve())
+        run([CMAKE, "-S", str(folder), "-B", target, "--toolchain", toolchain, f"-DCPU={cpu}"])
+        run([CMAKE, "--build", target])
 
 
 def double_symbols(objects: Sequence[Path]) -> list[str]:

@@ -17,20 +17,15 @@ import numpy as np
 
 import curvcasadi as cc
 from codegen import toolchain
+from codegen.benchmark_functions import wing
 
 TICK = 0.01  # s
-STAGES = 5  # of the MPC, one tick each
+STAGES = 2  # of the MPC, one tick each
 TICKS = 300
 TIME_CONSTANT = 0.25  # s
 LOST = (120, 121)  #: poses of the path that do not arrive
 
-TWO = cc.Legendre(2)
-WING = cc.Beam(
-    length=16.0,
-    basis=cc.ChannelBasis(torsion=TWO, out_of_plane=TWO, in_plane=TWO),
-    grid=cc.Grid.uniform(32, rule="midpoint", real="float", max_angle=0.2),
-    weight_bounds=0.1,
-)
+WING = wing()
 
 
 def path_weights(t: float) -> ca.DM:

@@ -25,6 +25,7 @@ CPU_FLAGS = {
 MACHINES = {"cortex-m7": "mps2-an500", "cortex-m4": "mps2-an386"}
 FLAGS = (
     *("-mthumb", "-mfloat-abi=hard", "-Os", "-std=c99"),
+    "-fno-inline-functions-called-once",  # frames of functions that are done leave the stack
     *("-ffunction-sections", "-fdata-sections"),
 )
 WARNINGS = ("-pedantic", "-Wall", "-Wextra", "-Wno-unused-parameter", "-Werror")

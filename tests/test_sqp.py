@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import curvcasadi as cc
-from curvcasadi.ocp.sqp import TOLERANCES, gauss_newton_sqp
+from curvcasadi.ocp.sqp import TOLERANCES, Bounds, gauss_newton_sqp
 from curvcasadi.reference_wings import hale_wing
 
 WING = hale_wing()
@@ -26,13 +26,14 @@ def _disc(stretch=1.0, iterations=None, max_iter=50):
         stretch * ca.sumsqr(x - p) / 2,
         stretch * ca.MX.eye(2),
         ca.sum1(x),
+        Bounds(-2, 2, -ca.inf, 1),
         nominal=(0, 0),
         real="double",
         iterations=iterations,
         max_iter=max_iter,
     )
     start = ca.MX.sym("start", 2)
-    solution = solver(start, p, -2, 2, -ca.inf, 1)
+    solution = solver(start, p)
     return ca.Function("solve", [start, p], [*solution]), solver
 
 
@@ -64,7 +65,7 @@ def test_the_certificate_is_that_of_the_optimality_conditions(
     x, lam_x, lam_g, violation, stationarity
 ):
     _, solver = _disc()
-    found = solver.certificate(x, x, (2, 1), lam_x, lam_g, (-2, -2), (2, 2), -ca.inf, 1)
+    found = solver.certificate(x, (2, 1), lam_x, lam_g)
     if violation is not None:
         assert float(found[0]) == pytest.approx(violation, abs=1e-15)  # rounding
     left = float(found[1]) * TOLERANCES["double"].stationarity

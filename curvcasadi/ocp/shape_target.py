@@ -9,7 +9,7 @@ import casadi as ca
 from curvcasadi.beam import Beam
 from curvcasadi.expressions import Number, count, function_name, positive
 from curvcasadi.grid import Real
-from curvcasadi.ocp.sqp import TOLERANCES, gauss_newton_sqp
+from curvcasadi.ocp.sqp import TOLERANCES, Bounds, gauss_newton_sqp
 from curvcasadi.ocp.targets import (
     Regularizer,
     Residuals,
@@ -114,6 +114,7 @@ def shape_target_function(
         objective,
         hessian,
         limits.expression,
+        Bounds(*beam.bounds, limits.lower, limits.upper),
         nominal=(0, ca.vertcat(at_rest, ca.DM.zeros(multipliers.shape), 1, 1)),
         real=beam.grid.real,
         scaled=beam.grid.real == "float" or not constrained,
@@ -122,15 +123,14 @@ def shape_target_function(
         qp_solver=qp_solver,
     )
 
-    lower, upper = beam.bounds
     guess = ca.MX.sym("q_guess", beam.basis.n)
-    best, y = ca.fmin(ca.fmax(guess, lower), upper), ca.MX.zeros(*multipliers.shape)
+    best, y = guess, ca.MX.zeros(*multipliers.shape)
     error = ca.Function(name + "_error", [q, values], [problem.to_meet])
     weight = None
     excess, left = [], []
     for a, b in _STAGES[beam.grid.real] if constrained else _PREFERENCE_ONLY:
         y = y * (a / weight) if weight else y
-        stage = solver(best, ca.vertcat(values, y, a, b), lower, upper, limits.lower, limits.upper)
+        stage = solver(best, ca.vertcat(values, y, a, b))
         best = stage.x
         y, weight = y + error(best, values), a
         excess.append(stage.violation)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import casadi as ca
+import numpy as np
 
 from curvcasadi.expressions import Number
 from curvcasadi.grid import Real
@@ -43,29 +44,36 @@ class Solution(NamedTuple):
     stationarity: ca.MX  #: distance from the optimality conditions over its tolerance
 
 
+class Bounds(NamedTuple):
+    """Numbers: lbx ≤ x ≤ ubx, lbg ≤ constraints ≤ ubg."""
+
+    lbx: Number
+    ubx: Number
+    lbg: Number
+    ubg: Number
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GaussNewton:
     """`sqpmethod` on a given positive semidefinite Hessian, with a certificate of its result."""
 
     solver: ca.Function
+    bounds: Bounds
     certificate: ca.Function
     iterations: int | None  #: None: converges; otherwise so many programs, with full steps
 
-    def __call__(
-        self, x0: ca.MX, p: ca.MX, lbx: Number, ubx: Number, lbg: Number, ubg: Number
-    ) -> Solution:
-        bounds = {"lbx": lbx, "ubx": ubx, "lbg": lbg, "ubg": ubg}
-        found, at = self.solver(x0=x0, p=p, **bounds), x0
+    def __call__(self, guess: ca.MX, p: ca.MX) -> Solution:
+        """Solution from `guess`, which is moved to within the bounds first."""
+        x = ca.fmin(ca.fmax(guess, self.bounds.lbx), self.bounds.ubx)
+        limits = self.bounds._asdict()
+        found = self.solver(x0=x, p=p, **limits)
         for _ in range((self.iterations or 1) - 1):
-            at = found["x"]
+            x = found["x"]
             warm = {"lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
-            found = self.solver(x0=at, p=p, **warm, **bounds)
-        if self.iterations is None:
-            at = found["x"]
-        violation, stationarity = self.certificate(
-            found["x"], at, p, found["lam_x"], found["lam_g"], *bounds.values()
-        )
-        return Solution(found["x"], violation, stationarity)
+            found = self.solver(x0=x, p=p, **warm, **limits)
+        multipliers = found["lam_x"], found["lam_g"]
+        at = () if self.iterations is None else (x,)
+        return Solution(found["x"], *self.certificate(found["x"], p, *multipliers, *at))
 
 
 def gauss_newton_sqp(
@@ -75,6 +83,7 @@ def gauss_newton_sqp(
     objective: ca.MX,
     hessian: ca.MX,
     constraints: ca.MX,
+    bounds: Bounds,
     *,
     nominal: tuple[Number, Number],
     real: Real,
@@ -83,7 +92,7 @@ def gauss_newton_sqp(
     max_iter: int = 100,
     qp_solver: str = "qrqp",
 ) -> GaussNewton:
-    """Solver of min objective, lbx ≤ x ≤ ubx, lbg ≤ constraints ≤ ubg; with `qrqp` it becomes C.
+    """Solver of min objective within `bounds` of x and the constraints; with `qrqp` it becomes C.
 
     Nothing is printed and nothing raised: a caller checks the certificate.
 
@@ -133,6 +142,7 @@ def gauss_newton_sqp(
     nlp: dict[str, Any] = {"x": x, "p": parameters, "f": objective, "g": constraints}
     return GaussNewton(
         solver=ca.nlpsol(name, "sqpmethod", nlp, options),
+        bounds=bounds,
         certificate=_certificate(
             f"{name}_certificate",
             x,
@@ -140,6 +150,7 @@ def gauss_newton_sqp(
             objective,
             None if iterations is None else hessian,
             constraints,
+            bounds,
             stiffness,
             tolerances.stationarity,
         ),
@@ -154,38 +165,39 @@ def _certificate(
     objective: ca.MX,
     hessian: ca.MX | None,
     constraints: ca.MX,
+    bounds: Bounds,
     stiffness: float,
     tolerance: float,
 ) -> ca.Function:
-    """(solution, x, p, λ_x, λ_g, bounds) -> violation, stationarity.
+    """(solution, p, λ_x, λ_g[, x]) -> violation, stationarity.
 
-    Without a Hessian the optimality conditions at the solution, which is x: ∇f + Jᵀ λ_g + λ_x = 0,
-    and a multiplier only where its bound is reached; with it those of the quadratic program at x,
-    with f and the constraints expanded in Δx. All over `stiffness`, the size of the Hessian, and so
+    Without a Hessian the optimality conditions at the solution: ∇f + Jᵀ λ_g + λ_x = 0, and a
+    multiplier only where its bound is reached; with it those of the quadratic program at x, with f
+    and the constraints expanded about it. All over `stiffness`, the size of the Hessian, and so
     in units of x.
     """
     n, m = x.shape[0], constraints.shape[0]
-    solution, lam_x, lbx, ubx = (ca.MX.sym(key, n) for key in ("solution", "lam_x", "lbx", "ubx"))
-    lam_g, lbg, ubg = (ca.MX.sym(key, m) for key in ("lam_g", "lbg", "ubg"))
+    lam_x, lam_g = ca.MX.sym("lam_x", n), ca.MX.sym("lam_g", m)
+    solution = x if hessian is None else ca.MX.sym("solution", n)
     gradient = ca.gradient(objective + ca.dot(lam_g, constraints), x) + lam_x
-    expanded = constraints
+    expanded = values = constraints
     if hessian is not None:
         gradient += hessian @ (solution - x)
-        expanded += ca.jtimes(constraints, x, solution - x)
-    reached = ca.vertcat(solution, expanded)
-    lower, upper = ca.vertcat(lbx, lbg), ca.vertcat(ubx, ubg)
-    multipliers = ca.vertcat(lam_x, lam_g) / stiffness
+        expanded = constraints + ca.jtimes(constraints, x, solution - x)
+        constrained = ca.Function(f"{name}_constraints", [x, parameters], [constraints])
+        values = constrained(solution, parameters)
+    lower, upper = (
+        ca.DM(np.concatenate([np.broadcast_to(np.ravel(side), size) for side, size in sides]))
+        for sides in (((bounds.lbx, n), (bounds.lbg, m)), ((bounds.ubx, n), (bounds.ubg, m)))
+    )
+    reached, multipliers = ca.vertcat(solution, expanded), ca.vertcat(lam_x, lam_g) / stiffness
     idle = ca.vertcat(
         ca.fmin(ca.fmax(multipliers, 0), ca.fmax(upper - reached, 0)),
         ca.fmin(ca.fmax(-multipliers, 0), ca.fmax(reached - lower, 0)),
     )
-    constrained = ca.Function(f"{name}_constraints", [x, parameters], [constraints])
-    values = ca.vertcat(solution, constrained(solution, parameters))
+    values = ca.vertcat(solution, values)
     violation = ca.mmax(ca.vertcat(0, lower - values, values - upper))
     # The Euclidean norm, as a maximum would overlook NaN.
     stationarity = ca.norm_2(ca.vertcat(gradient / stiffness, idle)) / tolerance
-    return ca.Function(
-        name,
-        [solution, x, parameters, lam_x, lam_g, lbx, ubx, lbg, ubg],
-        [violation, stationarity],
-    )
+    at = [] if hessian is None else [x]
+    return ca.Function(name, [solution, parameters, lam_x, lam_g, *at], [violation, stationarity])

@@ -9,7 +9,7 @@ from curvcasadi.control_model import ControlModel
 from curvcasadi.expressions import Array, Number, count, function_name, instance, positive
 from curvcasadi.integrators import rk4_step
 from curvcasadi.lie import so3
-from curvcasadi.ocp.sqp import TOLERANCES, gauss_newton_sqp
+from curvcasadi.ocp.sqp import TOLERANCES, Bounds, gauss_newton_sqp
 from curvcasadi.ocp.targets import numeric
 
 
@@ -98,19 +98,6 @@ def tip_path_step_function(
         *gaps, *(limits.of(*at, p) for at in zip(starts, ends, inputs, strict=True))
     )
     parameters = ca.veccat(x0, p, u_previous, positions, rotations)
-    solver = gauss_newton_sqp(
-        f"{name}_solver",
-        plan,
-        parameters,
-        objective,
-        hessian,
-        constraints,
-        nominal=(0, _at_rest(model, stages)),
-        real=model.real,
-        iterations=None if iterations is None else count("iterations", iterations),
-        qp_solver=qp_solver,
-    )
-
     stage_bounds = [
         np.concatenate(side) for side in zip(model.u.bounds, model.x.bounds, strict=True)
     ]
@@ -118,9 +105,22 @@ def tip_path_step_function(
     closed = np.zeros(nx * stages)
     lbg = np.concatenate([closed, *[limits.lower] * stages])
     ubg = np.concatenate([closed, *[limits.upper] * stages])
+    solver = gauss_newton_sqp(
+        f"{name}_solver",
+        plan,
+        parameters,
+        objective,
+        hessian,
+        constraints,
+        Bounds(lbx, ubx, lbg, ubg),
+        nominal=(0, _at_rest(model, stages)),
+        real=model.real,
+        iterations=None if iterations is None else count("iterations", iterations),
+        qp_solver=qp_solver,
+    )
+
     guess = ca.MX.sym("guess", plan.shape[0])
-    inside = ca.fmin(ca.fmax(guess, lbx), ubx)
-    best, violation, stationarity = solver(inside, parameters, lbx, ubx, lbg, ubg)
+    best, violation, stationarity = solver(guess, parameters)
     applied, states = _unpack(best, nu, nx, stages)
     shifted = ca.vertcat(best[nu + nx :], best[-(nu + nx) :])
     violation /= TOLERANCES[model.real].limit

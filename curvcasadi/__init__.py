@@ -61,6 +61,7 @@ from curvcasadi.control_model import ControlModel, kinematic_model
 from curvcasadi.equilibrium import Equilibrium, solve_equilibrium
 from curvcasadi.equilibrium_function import equilibrium_function
 from curvcasadi.errors import ConvergenceError
+from curvcasadi.estimation.ekf import Estimate, ShapeEkf, run_ekf, shape_ekf
 from curvcasadi.export import CFunction, export_c
 from curvcasadi.families import (
     BSpline,
@@ -140,6 +141,7 @@ __all__ = [
     "DistributedForce",
     "DistributedMoment",
     "Equilibrium",
+    "Estimate",
     "ExponentialTipLoss",
     "Flight",
     "Flow",
@@ -163,6 +165,7 @@ __all__ = [
     "RootMotion",
     "Section",
     "Shape",
+    "ShapeEkf",
     "ShapeResult",
     "ShearGauge",
     "Steps",
@@ -207,7 +210,9 @@ __all__ = [
     "reach_shape",
     "rk4_step",
     "root_wrench",
+    "run_ekf",
     "sensor_channels",
+    "shape_ekf",
     "shape_map",
     "shape_target_function",
     "solve_equilibrium",

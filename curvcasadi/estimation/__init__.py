@@ -1,0 +1,1 @@
+"""Shapes from measurements: filters, fits, and where sensors should sit."""

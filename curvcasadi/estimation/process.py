@@ -1,0 +1,173 @@
+"""What the state of a shape filter is, and how it goes on with time.
+
+Random walk:           q' = w                 Q = S dt
+White acceleration:    q' = q_dot, q_dot' = w Q = S [[dt³/3, dt²/2], [dt²/2, dt]]   (exact)
+Attitude C of the parent, C_true = C exp(φ), driven by the measured rate u = rate − bias − noise of
+a gyro at the root (root axes, R_0 in the parent):
+
+    C ← C exp(R_0 u dt),    φ ← exp(R_0 u dt)ᵀ φ − J_r(R_0 u dt) R_0 dt (δbias + noise)
+
+Biases of gyros: random walks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.estimation import ud
+from curvcasadi.expressions import AnyExpr, Array
+from curvcasadi.layout import Layout, Part
+from curvcasadi.lie import so3
+
+ProcessName = Literal["random_walk", "white_acceleration"]
+PROCESSES: tuple[ProcessName, ...] = ("random_walk", "white_acceleration")
+
+#: Outputs of both Functions; CasADi wants other names than those of inputs.
+AFTER = ("state_after", "factor_after")
+
+#: Degree of exponentials of what turns by less than 1 rad: rotations in a step, corrections.
+DEGREE = 4
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Process:
+    """Checked description of the state and of what drives it."""
+
+    kind: ProcessName
+    density: Array  #: (n,), of the white noise: rad/(m √s), or rad/(m s √s) of q_dot
+    attitude: bool
+    root_rotation: AnyExpr  #: R_0 (3, 3)
+    rate_density: float | None  #: of the root's gyro, rad/√s; with `attitude`
+    biases: int  #: of gyros on the wing
+    root_bias: bool
+    bias_density: float | None  #: rad/(s √s); with biases
+
+    @property
+    def n(self) -> int:
+        """Number of weights."""
+        return len(self.density)
+
+    @property
+    def error(self) -> Layout:
+        """The error state; that of the attitude is the rotation vector φ, parent axes."""
+        return self._layout(Part("attitude", 3, "rad"))
+
+    @property
+    def state(self) -> Layout:
+        """The nominal state; the attitude is C by columns."""
+        return self._layout(Part("attitude", 9, "1"))
+
+    def _layout(self, attitude: Part) -> Layout:
+        parts = [attitude] if self.attitude else []
+        parts.append(Part("q", self.n, "rad/m"))
+        if self.kind == "white_acceleration":
+            parts.append(Part("q_dot", self.n, "rad/(m s)"))
+        if self.biases:
+            parts.append(Part("gyro_bias", 3 * self.biases, "rad/s"))
+        if self.root_bias:
+            parts.append(Part("root_gyro_bias", 3, "rad/s"))
+        return Layout(tuple(parts))
+
+
+def offsets(layout: Layout) -> dict[str, slice]:
+    """Where the parts of a vector stand, by name."""
+    ends = np.cumsum([part.size for part in layout.parts]).tolist()
+    pairs = zip(layout.parts, ends, strict=True)
+    return {part.name: slice(end - part.size, end) for part, end in pairs}
+
+
+def predict_function(name: str, process: Process) -> ca.Function:
+    """(state, factor, dt and, with the attitude, rate) -> state_after, factor_after."""
+    error = process.error
+    state = ca.MX.sym("state", process.state.size)
+    factor = ca.MX.sym("factor", ca.Sparsity.upper(error.size))
+    dt, rate = ca.MX.sym("dt"), ca.MX.sym("rate", 3)
+    inputs = {"state": state, "factor": factor, "dt": dt}
+    if process.attitude:
+        inputs["rate"] = rate
+    arguments = [*inputs.values()]
+    state_after, factor_after = _transition(process)(*arguments)
+    step = ud.add_noise(error.size)
+    for direction, variance in _noise(process, dt):
+        factor_after = step(factor_after, direction, variance)
+    return ca.Function(
+        name, arguments, [state_after, factor_after], [*inputs], [*AFTER], {"cse": True}
+    )
+
+
+def _transition(process: Process) -> ca.Function:
+    """State and factor of Φ P Φᵀ, without noise.
+
+    In the order (attitude, q, q_dot, biases), Φ is unit upper triangular but for the attitude, and
+    so is Φ U; the rows of the attitude alone are made triangular again.
+    """
+    layout, error = process.state, process.error
+    state, dt, rate = ca.SX.sym("state", layout.size), ca.SX.sym("dt"), ca.SX.sym("rate", 3)
+    factor = ca.SX.sym("factor", ca.Sparsity.upper(error.size))
+    d, unit = ca.diag(factor), _with_diagonal(factor, ca.SX.ones(error.size))
+    at = offsets(error)
+    parts: dict[str, AnyExpr] = layout.split(state)
+    rows = unit[:, :]
+    if process.kind == "white_acceleration":
+        parts["q"] = parts["q"] + dt * parts["q_dot"]
+        rows[at["q"], :] = unit[at["q"], :] + dt * unit[at["q_dot"], :]
+    arguments = [state, factor, dt]
+    if process.attitude:
+        arguments.append(rate)
+        angle = dt * process.root_rotation @ (rate - parts.get("root_gyro_bias", 0))
+        turn = so3.exp(angle, DEGREE)
+        parts["attitude"] = ca.vec(orthonormal(ca.reshape(parts["attitude"], 3, 3) @ turn))
+        turned = turn.T @ unit[at["attitude"], :]
+        if process.root_bias:
+            lever = dt * so3.right_jacobian(angle, DEGREE) @ process.root_rotation
+            turned -= lever @ unit[at["root_gyro_bias"], :]
+        upper, d_attitude = ud.triangular(ca.vertsplit(turned[:, :3]), d[:3])
+        rows[:3, :] = turned
+        rows[:3, :3] = upper
+        d = ca.vertcat(d_attitude, d[3:])
+    moved = ca.project(_with_diagonal(rows, d), factor.sparsity())
+    return ca.Function("transition", arguments, [layout.join(parts), moved], {"cse": True})
+
+
+def _with_diagonal(matrix: ca.SX, diagonal: ca.SX) -> ca.SX:
+    changed = matrix[:, :]
+    for i in range(matrix.shape[0]):
+        changed[i, i] = diagonal[i]
+    return changed
+
+
+def orthonormal(matrix: AnyExpr) -> AnyExpr:
+    """A matrix close to a rotation, closer: one Newton step, C (3 I − Cᵀ C)/2."""
+    return matrix @ (1.5 * ca.DM.eye(3) - 0.5 * (matrix.T @ matrix))
+
+
+def _noise(process: Process, dt: ca.MX) -> list[tuple[ca.MX, ca.MX]]:
+    """Directions (N, 1) and variances of what is added to the covariance in a step.
+
+    With a = dt/2:  [[dt³/3, dt²/2], [dt²/2, dt]] = dt³/12 e_1 e_1ᵀ + dt (a e_1 + e_2)(a e_1 + e_2)ᵀ
+    """
+    error = process.error
+    at = offsets(error)
+    unit = ca.DM.eye(error.size)
+    found = []
+    for k, density in enumerate(process.density):
+        along_q = ca.MX(ca.densify(unit[:, at["q"].start + k]))
+        if process.kind == "random_walk":
+            found.append((along_q, density**2 * dt))
+        else:
+            along_rate = ca.densify(unit[:, at["q_dot"].start + k])
+            found.append((along_q, density**2 / 12 * dt**3))
+            found.append((dt / 2 * along_q + along_rate, density**2 * dt))
+    for name, density in (
+        ("attitude", process.rate_density),
+        ("gyro_bias", process.bias_density),
+        ("root_gyro_bias", process.bias_density),
+    ):
+        if name in at and density:
+            for i in range(at[name].start, at[name].stop):
+                found.append((ca.MX(ca.densify(unit[:, i])), density**2 * dt))
+    return found

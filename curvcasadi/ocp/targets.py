@@ -185,25 +185,27 @@ def shape_limits(beam: Beam, q: ca.MX, curvature_bound: Number | None) -> Limits
     ----------
     curvature_bound : rad/m, on |K_x|, |K_y|, |K_z|: one number, three (inf for none), or None
     """
-    parts: list[tuple[AnyExpr, float, float, str]] = []
+    parts, lower, upper = [ca.MX(0, 1)], [np.zeros(0)], [np.zeros(0)]
+    names: list[str] = []
     if curvature_bound is not None:
         bounds = _curvature_bounds(curvature_bound)
+        rows = [int(row) for row in np.flatnonzero(np.isfinite(bounds))]
         for xi in beam.stations:
-            k = curvature(beam, q, xi)
-            for row in np.flatnonzero(np.isfinite(bounds)):
-                name = f"K_{'xyz'[row]} at xi = {xi:.3g}"
-                parts.append((k[int(row)], -bounds[row], bounds[row], name))
-    beyond = np.flatnonzero(~(largest_element_angles(beam) <= beam.grid.max_angle))
-    if len(beyond):
-        angles = squared_element_angles(beam, q)
-        largest = beam.grid.max_angle**2
-        parts += [(angles[int(e)], 0.0, largest, f"angle of element {e}") for e in beyond]
-    expressions, lower, upper, names = zip(*parts, strict=True) if parts else ((), (), (), ())
+            parts.append(curvature(beam, q, xi)[rows])
+            names += [f"K_{'xyz'[row]} at xi = {xi:.3g}" for row in rows]
+            lower.append(-bounds[rows])
+            upper.append(bounds[rows])
+    beyond = np.flatnonzero(~(largest_element_angles(beam) <= beam.grid.max_angle)).tolist()
+    if beyond:
+        parts.append(squared_element_angles(beam, q)[beyond])
+        names += [f"angle of element {e}" for e in beyond]
+        lower.append(np.zeros(len(beyond)))
+        upper.append(np.full(len(beyond), beam.grid.max_angle**2))
     return Limits(
-        expression=ca.vertcat(ca.MX(0, 1), *expressions),
-        lower=np.array(lower, dtype=float),
-        upper=np.array(upper, dtype=float),
-        names=names,
+        expression=ca.vertcat(*parts),
+        lower=np.concatenate(lower),
+        upper=np.concatenate(upper),
+        names=tuple(names),
     )
 
 

@@ -62,6 +62,14 @@ from curvcasadi.equilibrium import Equilibrium, solve_equilibrium
 from curvcasadi.equilibrium_function import equilibrium_function
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.estimation.ekf import Estimate, ShapeEkf, run_ekf, shape_ekf
+from curvcasadi.estimation.fit import fit_shape
+from curvcasadi.estimation.information import (
+    ShapeDeviations,
+    information_matrix,
+    shape_deviations,
+)
+from curvcasadi.estimation.placement import Placement, place_sensors
+from curvcasadi.estimation.shape_fit import ShapeFit
 from curvcasadi.export import CFunction, export_c
 from curvcasadi.families import (
     BSpline,
@@ -73,7 +81,7 @@ from curvcasadi.families import (
     Tabulated,
 )
 from curvcasadi.files import WingFile, load_beam, load_wing
-from curvcasadi.functions import function
+from curvcasadi.functions import function, jacobian_function
 from curvcasadi.grid import Grid
 from curvcasadi.integrators import rk4_step
 from curvcasadi.kinematics import body_jacobian, body_jacobian_rate, body_twist
@@ -89,7 +97,7 @@ from curvcasadi.mirror import mirror
 from curvcasadi.modal import ModalBasis, Modes, load_modes, modal_basis
 from curvcasadi.ocp.reach import ShapeResult, reach_shape
 from curvcasadi.ocp.shape_target import shape_target_function
-from curvcasadi.ocp.targets import Target
+from curvcasadi.ocp.targets import Target, target_residual_function
 from curvcasadi.ocp.tip_path import tip_path_step_function
 from curvcasadi.ocp.trim import trim, trim_sweep
 from curvcasadi.ocp.trim_problem import TipHeight
@@ -157,6 +165,7 @@ __all__ = [
     "Monomial",
     "Part",
     "PiecewiseConstant",
+    "Placement",
     "PointForce",
     "PointMoment",
     "Pose",
@@ -165,6 +174,8 @@ __all__ = [
     "RootMotion",
     "Section",
     "Shape",
+    "ShapeDeviations",
+    "ShapeFit",
     "ShapeEkf",
     "ShapeResult",
     "ShearGauge",
@@ -191,8 +202,11 @@ __all__ = [
     "equilibrium_residual",
     "equilibrium_tangent",
     "export_c",
+    "fit_shape",
     "function",
     "generalized_force",
+    "information_matrix",
+    "jacobian_function",
     "kinematic_model",
     "load_aircraft",
     "load_beam",
@@ -205,6 +219,7 @@ __all__ = [
     "mirror_aero",
     "mirror_wing",
     "modal_basis",
+    "place_sensors",
     "pose_at",
     "pose_function",
     "reach_shape",
@@ -212,6 +227,7 @@ __all__ = [
     "root_wrench",
     "run_ekf",
     "sensor_channels",
+    "shape_deviations",
     "shape_ekf",
     "shape_map",
     "shape_target_function",
@@ -219,6 +235,7 @@ __all__ = [
     "squared_element_angles",
     "strain_energy",
     "strip_forces",
+    "target_residual_function",
     "tip_function",
     "tip_path_step_function",
     "trim",

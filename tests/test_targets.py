@@ -155,3 +155,32 @@ def test_a_target_at_the_root_is_measured_there():
     target = cc.Target(xi=0, position=[0, 0.5, 0])
     _, (to_meet, *_) = _evaluated(hale_wing(), [target])
     assert_allclose(to_meet, [0, -0.5 / 16, 0], rtol=1e-15)  # one division
+
+
+def test_residual_functions_have_the_structured_jacobian_and_the_blocks_of_gauss_newton():
+    beam = hale_wing()
+    targets = [
+        cc.Target(xi=1.0, position=[0, 14, -5], weight=4.0),
+        cc.Target(xi=0.5, rotation=beam.root.rotation),
+    ]
+    f = cc.target_residual_function(beam, targets)
+    assert f.name_in() == ["q", "positions", "rotations"]
+    q = np.random.default_rng(1).uniform(-0.03, 0.03, 9)
+    values = f(q=q, positions=targets[0].position, rotations=targets[1].rotation)
+    e, J = values["residual"].full(), values["jacobian"].full()
+    tip = cc.pose_at(beam, q, 1.0).position.full().ravel()
+    assert_allclose(e[3:, 0], 2 * (tip - [0, 14, -5]) / 16, atol=1e-14)  # rounding
+    step = 1e-6
+    for k in range(9):
+        shifted = [
+            f(q=q + s * np.eye(9)[k], positions=targets[0].position, rotations=targets[1].rotation)
+            for s in (step, -step)
+        ]
+        difference = (shifted[0]["residual"] - shifted[1]["residual"]).full() / (2 * step)
+        # Rounding over the step, 1e-10, and the step squared times a third derivative, L³.
+        assert_allclose(J[:, [k]], difference, atol=1e-8)
+    assert_allclose(values["gradient"], J.T @ e, rtol=1e-13)
+    assert_allclose(values["hessian"], J.T @ J, rtol=1e-13)
+    names = {g.name() for g in f.find_functions()}
+    assert "jac_target_poses" in names
+    assert not [n for n in names if "element" in n and n.startswith(("fwd", "adj"))]

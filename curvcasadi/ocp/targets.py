@@ -16,12 +16,14 @@ from curvcasadi.expressions import (
     Number,
     choice,
     expression,
+    function_name,
     instance,
     is_numeric,
     positive,
     rotation_matrix,
     station,
 )
+from curvcasadi.functions import function
 from curvcasadi.lie import so3
 from curvcasadi.pose_function import pose_function
 from curvcasadi.resolution import largest_element_angles
@@ -141,6 +143,39 @@ def residuals(beam: Beam, targets: Sequence[Target], q: ca.MX) -> Residuals:
         distances=_stack(parts["distances"]),
         angles=_stack(parts["angles"]),
     )
+
+
+def target_residual_function(
+    beam: Beam, targets: Sequence[Target], *, name: str = "target_residual"
+) -> ca.Function:
+    """Errors of targets with what a Gauss–Newton step of one's own needs, for any of their values.
+
+    Parameters
+    ----------
+    targets : stations and kinds; their numbers arrive as inputs
+
+    Returns
+    -------
+    casadi.Function
+        Inputs: q (n, 1), rad/m; positions (3, P), m, if any; rotations (3, 3 R), if any. Outputs:
+        residual e (m, 1), fractions of the length and rad, unweighted targets first, weighted ones
+        times √weight; jacobian J = de/dq (m, n), structured; gradient Jᵀ e (n, 1) and hessian
+        Jᵀ J (n, n) of ½ |e|².
+    """
+    function_name("name", name)
+    q = ca.MX.sym("q", instance("beam", beam, Beam).basis.n)
+    problem = residuals(beam, checked_problem(beam, targets), q)
+    error = ca.vertcat(problem.to_meet, problem.weighted)
+    jacobian = ca.jacobian(error, q)
+    values = {"positions": problem.positions, "rotations": problem.rotations}
+    inputs = {"q": q, **{key: value for key, value in values.items() if value.numel()}}
+    outputs = {
+        "residual": error,
+        "jacobian": jacobian,
+        "gradient": jacobian.T @ error,
+        "hessian": jacobian.T @ jacobian,
+    }
+    return function(name, inputs, outputs)
 
 
 def _stack(parts: list[AnyExpr]) -> ca.MX:

@@ -1,0 +1,116 @@
+"""Which weights sensors see, from the derivative of their readings, and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from curvcasadi.expressions import Array
+
+#: Standard deviation of a combination of weights, times the length, beyond which it is not seen:
+#: a constant curvature of that size rolls the wing up to half a circle, and no linearization holds.
+LARGEST_DEVIATION = np.pi
+#: Singular values below this part of the largest are rounding.
+_ROUNDING = 1e-12
+#: Part of a weight in a combination below which it is rounding.
+_LEAST_PART = 1e-6
+#: Coefficient of a weight that is left out of the words.
+_SILENT = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Observability:
+    """Combinations of weights that sensors see, and those that they do not."""
+
+    seen: Array  #: orthonormal columns (n, rank)
+    felt: Array  #: orthonormal columns: those, and what is drowned in noise
+    silent: Array  #: orthonormal columns of what changes no reading
+    words: tuple[str, ...]  #: what is not seen, one combination each
+
+    @property
+    def rank(self) -> int:
+        """Number of combinations that are seen."""
+        return int(self.seen.shape[1])
+
+    def covariance(self, information: Array) -> Array:
+        """Inverse (n, n) of `information`.
+
+        Weights with a part in what changes no reading have infinite variance, and NaN for
+        covariances.
+        """
+        within = self.felt.T @ information @ self.felt
+        covariance = self.felt @ np.linalg.solve(within, self.felt.T)
+        covariance = (covariance + covariance.T) / 2
+        touched = np.linalg.norm(self.silent, axis=1) > _LEAST_PART
+        covariance[touched] = covariance[:, touched] = np.nan
+        covariance[touched, touched] = np.inf
+        return np.asarray(covariance)
+
+
+def observability(slope: Array, length: float, labels: Sequence[str]) -> Observability:
+    """What readings see whose derivatives over their noise are `slope` (m, n), 1/(rad/m).
+
+    A combination c of weights, |c| = 1, counts as seen if its standard deviation σ has
+    σ L ≤ `LARGEST_DEVIATION`.
+    """
+    n = len(labels)
+    _, singular, rows = np.linalg.svd(np.vstack([slope * (1 / length), np.zeros((n, n))]))
+    rounding = _ROUNDING * max(singular[0], 1 / LARGEST_DEVIATION)
+    felt = int(np.sum(singular > rounding))
+    rank = int(np.sum(singular > max(1 / LARGEST_DEVIATION, rounding)))
+    deviations = np.full(n, np.inf)
+    deviations[:felt] = 1 / (length * singular[:felt])
+    return Observability(
+        seen=rows[:rank].T,
+        felt=rows[:felt].T,
+        silent=rows[felt:].T,
+        words=_words(rows[rank:].T, deviations[rank:], length, labels),
+    )
+
+
+def _words(
+    unseen: Array, deviations: Array, length: float, labels: Sequence[str]
+) -> tuple[str, ...]:
+    said = []
+    for combination in sorted(_echelon(unseen), key=lambda c: int(np.argmax(np.abs(c)))):
+        name = _sum(combination, labels)
+        along = unseen.T @ combination / np.linalg.norm(combination)
+        used = np.abs(along) > _LEAST_PART
+        deviation = np.linalg.norm(along[used] * deviations[used])
+        reason = "no reading changes with it"
+        if np.isfinite(deviation):
+            reason = (
+                f"the noise leaves it a standard deviation of {deviation:.2g} rad/m, "
+                f"above pi/L = {LARGEST_DEVIATION / length:.2g} rad/m"
+            )
+        said.append(f"{name}: {reason}")
+    return tuple(said)
+
+
+def _sum(combination: Array, labels: Sequence[str]) -> str:
+    """A combination of weights as a sum of labels, the largest coefficient being 1."""
+    parts = []
+    for coefficient, label in zip(combination, labels, strict=True):
+        if abs(coefficient) >= _SILENT:
+            size = f"{abs(coefficient):.2g} "
+            parts.append(
+                f"{'-' if coefficient < 0 else '+'} {size if size != '1 ' else ''}({label})"
+            )
+    if len(parts) == 1:
+        return labels[int(np.argmax(np.abs(combination)))]
+    return " ".join(parts).removeprefix("+ ")
+
+
+def _echelon(columns: Array) -> list[Array]:
+    """A basis of the space of `columns` with a 1 of its own in each vector: Gauss–Jordan."""
+    rows = columns.T.copy()
+    for k in range(len(rows)):
+        remaining = np.abs(rows[k:])
+        i, j = divmod(int(np.argmax(remaining)), remaining.shape[1])
+        rows[[k, k + i]] = rows[[k + i, k]]
+        rows[k] /= rows[k, j]
+        others = np.arange(len(rows)) != k
+        rows[others] -= np.outer(rows[others, j], rows[k])
+    return list(rows)

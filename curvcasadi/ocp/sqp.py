@@ -32,7 +32,7 @@ class Tolerances(NamedTuple):
 
 TOLERANCES: dict[Real, Tolerances] = {
     "double": Tolerances(1e-10, 1e-13, 1e-9, (1e-10, 1e-12), 1e-8, 1e-6),
-    "float": Tolerances(1e-5, 3e-8, 1e-6, (3e-7, 1e-8), 1e-4, 1e-5),
+    "float": Tolerances(3e-5, 1e-9, 1e-6, (3e-7, 1e-8), 1e-4, 1e-5),
 }
 
 

@@ -1,0 +1,73 @@
+"""Solvers in single precision: what a model for it gives as C, called from Python."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+
+import numpy as np
+import pytest
+
+import curvcasadi as cc
+
+N, SAMPLES = 6, 200
+FLOATS = ctypes.POINTER(ctypes.c_float)
+
+
+def _wing():
+    two = cc.Legendre(2)
+    return cc.Beam(
+        length=16.0,
+        basis=cc.ChannelBasis(torsion=two, out_of_plane=two, in_plane=two),
+        grid=cc.Grid.uniform(16, real="float", max_angle=0.4),
+        weight_bounds=0.1,
+    )
+
+
+@pytest.fixture(scope="module")
+def wing():
+    return _wing()
+
+
+@pytest.fixture(scope="module")
+def solve(wing, tmp_path_factory):
+    """(guess, position) -> status, q, distance, of the C in single precision."""
+    folder = tmp_path_factory.mktemp("single")
+    f = cc.shape_target_function(wing, [cc.Target(xi=1.0, position=[15.0, 0, 3])], max_iter=12)
+    samples = {f.name(): [[np.full(N, 0.01), cc.tip_function(wing)(np.full(N, 0.02))[0]]]}
+    cc.export_c([f], folder, real="float", beam=wing, reference_inputs=samples)
+    command = "gcc -O2 -shared -fPIC curv.c curv_functions.c -o library.so -lm"
+    subprocess.run(command.split(), cwd=folder, check=True)
+    library = ctypes.CDLL(str(folder / "library.so"))
+
+    def call(guess, position):
+        values = [np.asarray(v, dtype=np.float32).ravel() for v in (guess, position)]
+        out = np.full(N + 3, np.nan, dtype=np.float32)
+        arguments = [array.ctypes.data_as(FLOATS) for array in (*values, out)]
+        status = library.curv_shape_target(*arguments)
+        return status, out[:N].astype(float), float(out[N])
+
+    return call
+
+
+def test_targets_within_reach_are_met_in_single_precision(wing, solve):
+    random, tip = np.random.default_rng(5), cc.tip_function(wing)
+    missed = 0
+    for _ in range(SAMPLES):
+        goal = tip(random.uniform(-0.04, 0.04, N))[0].full().ravel()
+        status, q, distance = solve(np.full(N, 0.01), goal)
+        if status:
+            missed += 1
+            continue
+        found = tip(q)[0].full().ravel()
+        # Met to 1e-5 of the length in each coordinate, as single precision computes it; that and
+        # double differ by rounding, some 1e-6 of the length.
+        assert np.max(np.abs(found - goal)) <= 1.2e-5 * 16
+        assert distance == pytest.approx(np.linalg.norm(found - goal), abs=3e-5)
+    # A guess far from the target may need more iterations than it has.
+    assert missed <= 0.02 * SAMPLES
+
+
+def test_targets_out_of_reach_are_refused_in_single_precision(solve):
+    statuses = {solve(np.full(N, 0.01), position)[0] for position in ([17, 0, 0], [0, 0, 20])}
+    assert statuses == {1}  # infeasible

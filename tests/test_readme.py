@@ -1,6 +1,7 @@
 """The README keeps its word: its code runs, its tables are the package's, its files exist."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -33,7 +34,7 @@ def test_the_conventions_table_is_that_of_the_package():
 
 
 def test_named_files_exist():
-    named = re.findall(r"`((?:ocp_examples|tests)/[\w./]+)`|\]\((docs/[\w.]+)\)", TEXT)
+    named = re.findall(r"`((?:ocp_examples|tests|codegen)/[\w./]+)`|\]\((docs/[\w.]+)\)", TEXT)
     assert named
     for path in (first or second for first, second in named):
         assert (ROOT / path).exists(), path
@@ -52,3 +53,31 @@ def test_named_functions_are_public():
     for name in re.findall(r"`(?:cc\.)?(\w+)\(", table(TEXT, "| what | equation |")):
         if name not in ("tip", "Grid", "uniform"):
             assert hasattr(curvcasadi, name), name
+
+
+BUDGETED = (
+    "midpoint_32.tip.cortex-m7",
+    "midpoint_32.tip_jacobian.cortex-m7",
+    "midpoint_64.tip_jacobian.cortex-m7",
+    "bent_midpoint.tip.cortex-m7",
+    "bent_magnus4.tip.cortex-m7",
+    "target.shape_target.cortex-m4",
+    "target.shape_target_step.cortex-m4",
+    "target_met.shape_target_met.cortex-m4",
+    "mpc.tip_path_step.cortex-m4",
+    "mpc.tip_path.cortex-m4",
+    "statics.equilibrium.cortex-m4",
+)
+
+
+def test_sizes_and_instructions_are_those_of_the_budgets():
+    budgets = tomllib.loads((ROOT / "codegen" / "budgets.toml").read_text())["functions"]
+    rows = table(TEXT, "| 32 midpoint elements,").splitlines()[2:]
+    for row, name in zip(rows, BUDGETED, strict=True):
+        budget = budgets[name]["budget"]
+        cells = [cell.strip().replace(" ", "") for cell in row.split("|")[2:-1]]
+        assert cells == [
+            "M7" if name.endswith("m7") else "M4F",
+            f"{budget['text'] / 1024:.1f}",
+            *(str(budget[key]) for key in ("ram", "stack", "instructions")),
+        ], name

@@ -3,43 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam import Beam
 from curvcasadi.estimation import ud
-from curvcasadi.estimation.process import DEGREE, Process, offsets, orthonormal
-from curvcasadi.expressions import AnyExpr, Array
+from curvcasadi.estimation.observation import SHAPES, Observation, Readings, Rows
+from curvcasadi.estimation.process import DEGREE, Process, orthonormal
+from curvcasadi.expressions import AnyExpr
 from curvcasadi.lie import so3
-from curvcasadi.sensors import (
-    AttitudeSensor,
-    Channels,
-    RateGyro,
-    RootMotion,
-    Sensor,
-    measurement_function,
-)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Observation:
-    """Checked description of what is measured.
-
-    `unknown` are variables that a reading depends on and the state does not hold, with standard
-    deviations: zero-mean noise that all rows of an update share. They go before the error state,
-    where a factor U D Uᵀ is marginalized by leaving out its first rows and columns.
-    """
-
-    beam: Beam
-    sensors: tuple[Sensor, ...]
-    channels: Channels
-    root: RootMotion
-    unknown: Mapping[str, Array]  #: of "q_dot", "q_ddot", "twist"
-    inputs: tuple[str, ...]  #: of "attitude", "position", "twist", "twist_rate": known motion
-    gate: float
-    iterations: int
+from curvcasadi.sensors import AttitudeSensor
 
 
 def update_function(name: str, process: Process, observation: Observation) -> ca.Function:
@@ -48,18 +21,19 @@ def update_function(name: str, process: Process, observation: Observation) -> ca
     state = ca.MX.sym("state", layout.size)
     factor = ca.MX.sym("factor", ca.Sparsity.upper(process.error.size))
     measured = ca.MX.sym("measured", channels.layout.size)
-    known = {key: ca.MX.sym(key, *_SHAPES[key]) for key in observation.inputs}
+    known = {key: ca.MX.sym(key, *SHAPES[key]) for key in observation.inputs}
     inputs = {"state": state, "factor": factor, "measured": measured, **known}
 
     samples, seen = _samples(observation)(measured)
-    correct = _correction(process, observation)
     retract, difference = _retraction(process), _difference(process)
     at, error = state, ca.MX(ca.DM.zeros(process.error.size))
+    unknown = ca.MX(ca.DM.zeros(sum(map(len, observation.unknown.values()))))
     for iteration in range(observation.iterations):
         if iteration:
             error = difference(at, state)
-        step, factor_after, innovation, used = correct(
-            error, factor, at, samples, seen, *known.values()
+        correct = _correction(process, observation, look=iteration == 0)
+        step, factor_after, innovation, used, unknown = correct(
+            error, factor, at, unknown, samples, seen, *known.values()
         )
         at = retract(at, step)
     outputs = {
@@ -72,9 +46,6 @@ def update_function(name: str, process: Process, observation: Observation) -> ca
     }
     arguments = [*inputs.values()]
     return ca.Function(name, arguments, [*outputs.values()], [*inputs], [*outputs], {"cse": True})
-
-
-_SHAPES = {"attitude": (3, 3), "position": (3, 1), "twist": (6, 1), "twist_rate": (6, 1)}
 
 
 def _samples(observation: Observation) -> ca.Function:
@@ -98,29 +69,64 @@ def _samples(observation: Observation) -> ca.Function:
     return ca.Function("samples", [measured], [samples, ca.vertcat(*seen)], {"cse": True})
 
 
-def _correction(process: Process, observation: Observation) -> ca.Function:
-    """(error, factor, state, samples, seen, known motion) -> error, factor, innovation, used."""
+def _correction(process: Process, observation: Observation, look: bool) -> ca.Function:
+    """(error, factor, state, unknowns, samples, seen, known motion) -> error, factor, innovation,
+    used, unknowns.
+
+    The unknowns multiply the shape, as J(q) q_ddot does. Linearized at an acceleration of zero, a
+    filter would trust the combinations of readings that no J(q) q_ddot reaches, with a J that it
+    does not know; so the readings are linearized at the unknowns, too. With `look` these are what
+    the readings show in a first pass; otherwise they are an input.
+    """
     size, first = process.error.size, sum(map(len, observation.unknown.values()))
-    error, state = ca.MX.sym("error", size), ca.MX.sym("state", process.state.size)
-    factor = ca.MX.sym("factor", ca.Sparsity.upper(size))
+    start, state = ca.MX.sym("error", size), ca.MX.sym("state", process.state.size)
+    start_factor = ca.MX.sym("factor", ca.Sparsity.upper(size))
     samples = ca.MX.sym("samples", observation.channels.layout.size)
     seen = ca.MX.sym("seen", observation.channels.residual_layout.size)
-    known = {key: ca.MX.sym(key, *_SHAPES[key]) for key in observation.inputs}
-    arguments = [error, factor, state, samples, seen, *known.values()]
+    unknown = ca.MX.sym("unknown", first)
+    known = {key: ca.MX.sym(key, *SHAPES[key]) for key in observation.inputs}
+    arguments = [start, start_factor, state, unknown, samples, seen, *known.values()]
 
-    residual, rows = _linearized(process, observation, state, samples, known)
-    variances = ca.DM(observation.channels.noise**2)
-    error, factor = ca.vertcat(ca.DM.zeros(first), error), _augmented(observation, factor)
-    measure = ud.measure(first + size, observation.gate)
-    innovation, used = [], []
-    for k in range(len(observation.channels.noise)):
-        error, factor, *found = measure(
-            error, factor, rows[:, k], residual[k], variances[k], seen[k]
-        )
-        innovation.append(found[0])
-        used.append(found[1])
-    outputs = [error[first:], factor[first:, first:], ca.vertcat(*innovation), ca.vertcat(*used)]
-    return ca.Function("correction", arguments, outputs, {"cse": True})
+    readings = Readings(process, observation, state, samples, known)
+    there = observation.channels.residual_layout.split(seen)
+    both = _augmented(observation, start_factor)
+    if look and first:
+        error = ca.vertcat(ca.DM.zeros(first), start)
+        unknown = _sequence(readings.rows(None), True, error, both, there, observation.gate)[0]
+        unknown = unknown[:first]
+    rows = readings.rows(unknown if first else None)
+    offset = readings.offset(unknown)
+    error, factor, said = _sequence(
+        rows, True, ca.vertcat(-offset, start), both, there, observation.gate
+    )
+    unknown, error, factor = offset + error[:first], error[first:], factor[first:, first:]
+    error, factor, others = _sequence(rows, False, error, factor, there, observation.gate)
+    said |= others
+    innovation, used = (ca.vertcat(*(said[row.name][i] for row in rows)) for i in (0, 1))
+    return ca.Function(
+        "correction", arguments, [error, factor, innovation, used, unknown], {"cse": True}
+    )
+
+
+def _sequence(
+    rows: Sequence[Rows],
+    shared: bool,
+    error: AnyExpr,
+    factor: AnyExpr,
+    seen: Mapping[str, ca.MX],
+    gate: float,
+) -> tuple[AnyExpr, AnyExpr, dict[str, tuple[ca.MX, ca.MX]]]:
+    """Error and factor after the rows that share unknowns, or after those that do not."""
+    said: dict[str, tuple[ca.MX, ca.MX]] = {}
+    for row in rows:
+        if row.shared == shared:
+            step = ud.measure_rows(error.shape[0], len(row.variance), gate)
+            slope = row.slope if shared else row.slope[:, -error.shape[0] :]
+            error, factor, *found = step(
+                error, factor, slope, row.residual, row.variance, seen[row.name]
+            )
+            said[row.name] = (found[0], found[1])
+    return error, factor, said
 
 
 def _augmented(observation: Observation, factor: ca.MX) -> ca.MX:
@@ -128,57 +134,8 @@ def _augmented(observation: Observation, factor: ca.MX) -> ca.MX:
     if not observation.unknown:
         return factor
     deviations = np.concatenate([*observation.unknown.values()])
-    both = ca.diagcat(ca.MX(ca.DM(np.diag(deviations**2))), factor)
+    both = ca.diagcat(ca.MX(ca.diag(ca.DM(deviations**2))), factor)
     return ca.project(both, ca.Sparsity.upper(both.shape[0]))
-
-
-def _linearized(
-    process: Process,
-    observation: Observation,
-    state: ca.MX,
-    samples: ca.MX,
-    known: Mapping[str, ca.MX],
-) -> tuple[ca.MX, ca.MX]:
-    """Residual (r, 1), and its derivative by unknowns and error, transposed (N, r)."""
-    n, parts, channels = process.n, process.state.split(state), observation.channels
-    point: dict[str, ca.MX] = {"q": parts["q"], **known}
-    if "q_dot" in parts:
-        point["q_dot"] = parts["q_dot"]
-    for key in ("q_dot", "q_ddot"):
-        if key in observation.unknown:
-            point[key] = ca.MX(ca.DM.zeros(n))
-    if process.attitude:
-        point["attitude"] = ca.reshape(parts["attitude"], 3, 3)
-    bias = parts.get("root_gyro_bias")
-    if bias is not None and "twist" in point:
-        point["twist"] = point["twist"] - ca.vertcat(bias, ca.DM.zeros(3))
-
-    gyros = [
-        where
-        for where, sensor in zip(
-            offsets(channels.residual_layout).values(), observation.sensors, strict=True
-        )
-        if isinstance(sensor, RateGyro)
-    ]
-    f = measurement_function(
-        "readings", observation.sensors, observation.beam, list(point), observation.root
-    )
-    found = f(**point, measured=samples)
-    residual = found["residual"]
-    slopes = {key: found[f"residual_{key}"] for key in point}
-    if "twist" in slopes:
-        slopes["twist"] = slopes["twist"][:, :3]
-        slopes["root_gyro_bias"] = -slopes["twist"]
-    if process.biases:
-        place = np.zeros((residual.shape[0], 3 * process.biases))
-        for i, where in enumerate(gyros):
-            place[where, 3 * i : 3 * i + 3] = np.eye(3)
-        slopes["gyro_bias"] = ca.MX(ca.sparsify(ca.DM(place)))
-        residual = residual + slopes["gyro_bias"] @ parts["gyro_bias"]
-    columns = [slopes[key] for key in observation.unknown]
-    for part in process.error.parts:
-        columns.append(slopes.get(part.name, ca.MX(residual.shape[0], part.size)))
-    return residual, ca.densify(ca.horzcat(*columns).T)
 
 
 def _retraction(process: Process) -> ca.Function:
@@ -202,12 +159,3 @@ def _difference(process: Process) -> ca.Function:
         rotations = (ca.reshape(of["attitude"], 3, 3) for of in (of_b, of_a))
         errors["attitude"] = so3.log_error(*rotations)
     return ca.Function("difference", [a, b], [process.error.join(errors)], {"cse": True})
-
-
-def known_motion(names: Sequence[str]) -> tuple[str, ...]:
-    """`names`, each an input of the update."""
-    if isinstance(names, str) or set(names) - set(_SHAPES) or len(set(names)) < len(names):
-        raise ValueError(
-            f"root_inputs: expected names among {', '.join(_SHAPES)}, each once; found {names!r}"
-        )
-    return tuple(names)

@@ -11,7 +11,8 @@ import numpy as np
 
 from curvcasadi.beam import Beam
 from curvcasadi.estimation import ud
-from curvcasadi.estimation.correction import Observation, known_motion, update_function
+from curvcasadi.estimation.correction import update_function
+from curvcasadi.estimation.observation import Observation, known_motion
 from curvcasadi.estimation.process import (
     PROCESSES,
     Process,

@@ -86,6 +86,27 @@ def measure(n: int, gate: float) -> ca.Function:
 
 
 @lru_cache(maxsize=64)
+def measure_rows(n: int, rows: int, gate: float) -> ca.Function:
+    """`measure` for each row of a slope (rows, n), one after another: MX, calls of one step.
+
+    (error, factor, slope, residual, variance, seen) -> error, factor, ν/√s and used (rows, 1)
+    """
+    step = measure(n, gate)
+    error, slope = ca.MX.sym("error", n), ca.MX.sym("slope", rows, n)
+    factor = ca.MX.sym("factor", ca.Sparsity.upper(n))
+    residual, variance, seen = (ca.MX.sym(key, rows) for key in ("residual", "variance", "seen"))
+    arguments = [error, factor, slope, residual, variance, seen]
+    said = []
+    for k in range(rows):
+        error, factor, *found = step(
+            error, factor, slope[k, :].T, residual[k], variance[k], seen[k]
+        )
+        said.append(found)
+    outputs = [error, factor, *(ca.vertcat(*x) for x in zip(*said, strict=True))]
+    return ca.Function("ud_measure_rows", arguments, outputs, {"cse": True})
+
+
+@lru_cache(maxsize=64)
 def add_noise(n: int) -> ca.Function:
     """(factor, direction (n, 1), variance) -> factor of P + variance · direction directionᵀ.
 

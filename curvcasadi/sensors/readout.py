@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from curvcasadi import chain
 from curvcasadi.beam import Beam
@@ -19,6 +20,7 @@ from curvcasadi.sensors.root_motion import RootMotion
 from curvcasadi.sensors.station_functions import (
     derivative_function,
     mount_fields,
+    turning_function,
     value_function,
 )
 from curvcasadi.shape import curvature
@@ -72,7 +74,7 @@ class Readout:
 
     def values(self) -> AnyExpr:
         """Stacked values (m, 1)."""
-        states = self._states(jacobian=False)
+        states = self._states(jacobian=False, order=self.order)
         rows = []
         for sensor in self.sensors:
             if _is_gauge(sensor):
@@ -85,33 +87,74 @@ class Readout:
 
     def derivatives(self, measured: AnyExpr, columns: dict[str, int]) -> dict[str, AnyExpr]:
         """Stacked values, residuals, and their derivatives by what `columns` names, with sizes."""
-        states = self._states(jacobian=True)
-        given = self.channels.layout.split(measured)
         stacks: dict[str, list[AnyExpr]] = {
             key: [] for key in ("values", "residual", *(f"residual_{name}" for name in columns))
         }
-        for part, sensor in zip(self.channels.layout.parts, self.sensors, strict=True):
-            if _is_gauge(sensor):
-                value, row = self._gauge(sensor)
-                by = {**{name: ca.DM.zeros(1, size) for name, size in columns.items()}, "q": row}
-                blocks = [value, value - given[part.name], *by.values()]
-            else:
-                finish = derivative_function(
-                    _kind(sensor), self.order, self.beam.basis.n, tuple(columns.items())
-                )
-                arguments = (*self._arguments(sensor), given[part.name])
-                blocks = finish(states[sensor.xi], *arguments)
+        for blocks in self.blocks(self.channels.layout.split(measured), columns):
             for stack, block in zip(stacks.values(), blocks, strict=True):
                 stack.append(block)
         return {key: ca.vertcat(*stack) for key, stack in stacks.items()}
 
-    def _states(self, jacobian: bool) -> dict[float, AnyExpr]:
+    def blocks(
+        self, measured: dict[str, AnyExpr], columns: dict[str, int], *, short: bool = False
+    ) -> list[list[AnyExpr]]:
+        """Of each sensor its value, residual, and derivatives by what `columns` names, with sizes.
+
+        With `short` the march carries no accelerations: the derivative by q of an accelerometer is
+        then without the part that is quadratic in q_dot, R^T (d/dq)(dJ/dt q_dot) relative to the
+        root, and without that of q_ddot, which `turning` gives; all else is as without it.
+        """
+        order = min(self.order, 1) if short else self.order
+        states = self._states(jacobian=True, order=order)
+        rates = ca.DM()
+        if short and self.order == 2:
+            zero = ca.DM.zeros(self.beam.basis.n)
+            motion = (self.motion.q_dot, self.motion.q_ddot)
+            rates = ca.vertcat(*(zero if x is None else x for x in motion), self.root.twist_rate)
+        found = []
+        for part, sensor in zip(self.channels.layout.parts, self.sensors, strict=True):
+            given = measured[part.name]
+            if _is_gauge(sensor):
+                value, row = self._gauge(sensor)
+                by = {**{name: ca.DM.zeros(1, size) for name, size in columns.items()}, "q": row}
+                found.append([value, value - given, *by.values()])
+                continue
+            finish = derivative_function(
+                _kind(sensor), order, self.beam.basis.n, tuple(columns.items()), self._is_still
+            )
+            extra = [rates] if sensor.order > order else []
+            found.append([*finish(states[sensor.xi], *self._arguments(sensor), given, *extra)])
+        return found
+
+    def turning(self, q_ddot: AnyExpr) -> dict[str, AnyExpr]:
+        """Derivative by q (3, n) of what `q_ddot` adds to each accelerometer, by its name.
+
+        It is Rᵀ (B_t + A_t × P) with the rates of the spatial Jacobian along `q_ddot`.
+        """
+        names = [part.name for part in self.channels.layout.parts]
+        movers: dict[str, Any] = {
+            name: s for name, s in zip(names, self.sensors, strict=True) if s.order == 2
+        }
+        stations = tuple(dict.fromkeys(s.xi for s in movers.values()))
+        motion = Motion(self.motion.q, q_ddot)
+        states = motion_states(chain.build(self.beam, stations), motion, 1, True)
+        at, turn = dict(zip(stations, states, strict=True)), turning_function(self.beam.basis.n)
+        return {name: turn(at[s.xi], s.offset, s.mounting) for name, s in movers.items()}
+
+    @property
+    def _is_still(self) -> bool:
+        """Whether the root is at rest, in numbers."""
+        motions = (self.root.twist, self.root.twist_rate)
+        return all(is_numeric(x) and not np.any(ca.DM(x).full()) for x in motions)
+
+    def _states(self, jacobian: bool, order: int) -> dict[float, AnyExpr]:
         """State of the march at each station that a sensor needs, by xi."""
         stations = tuple(dict.fromkeys(s.xi for s in self.sensors if not _is_gauge(s)))
         if not stations:
             return {}
         beam_chain = chain.build(self.beam, stations)
-        states = motion_states(beam_chain, self.motion, self.order, jacobian)
+        motion = self.motion if order == 2 else self.motion._replace(q_ddot=None)
+        states = motion_states(beam_chain, motion, order, jacobian)
         return dict(zip(stations, states, strict=True))
 
     def _arguments(self, sensor: Sensor) -> tuple[AnyExpr, AnyExpr]:

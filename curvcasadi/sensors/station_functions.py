@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 
 from curvcasadi.expressions import AnyExpr
-from curvcasadi.kinematics import unpack_motion
+from curvcasadi.kinematics import StationMotion, unpack_motion
 from curvcasadi.lie import so3
 from curvcasadi.pose import Pose
 from curvcasadi.sensors.descriptions import AttitudeSensor, Sensor
@@ -48,17 +48,24 @@ def value_function(kind: Any) -> ca.Function:
 
 @lru_cache(maxsize=256)
 def derivative_function(
-    kind: Any, order: int, n: int, columns: tuple[tuple[str, int], ...]
+    kind: Any, order: int, n: int, columns: tuple[tuple[str, int], ...], still: bool = False
 ) -> ca.Function:
     """(state, frames, mount, measured) -> value, residual, and its derivatives, one per column set.
 
     The state is that of a march of `order` with the sums of n weights. `columns` are names of what
-    is varied, with sizes; what a sensor does not depend on gives zeros.
+    is varied, with sizes; what a sensor does not depend on gives zeros. An accelerometer after a
+    march of order 1 has a further input, (q_dot, q_ddot, twist rate): see `_accelerated`; `still`
+    says that the root is at rest.
     """
     state = ca.SX.sym("state", 12 + 6 * order + 6 * n * (order + 1))
     frames, mount = ca.SX.sym("frames", sum(_FRAMES)), ca.SX.sym("mount", _mount_size(kind))
     measured = ca.SX.sym("measured", len(kind.components))
-    arguments = unpack_motion(state, order), _unpack_frames(frames), _unpack_mount(kind, mount)
+    inputs = [state, frames, mount, measured]
+    at, unpacked = unpack_motion(state, order), _unpack_frames(frames)
+    if kind.order > order:
+        inputs.append(ca.SX.sym("rates", 2 * n + 6))
+        at = _accelerated(at, inputs[-1], None if still else unpacked.twist)
+    arguments = at, unpacked, _unpack_mount(kind, mount)
     value = READINGS[kind].value(*arguments)
     slopes = READINGS[kind].slopes(*arguments)
     rows = len(kind.residual_components)
@@ -70,12 +77,47 @@ def derivative_function(
         ca.densify(by_variation @ slopes[name]) if name in slopes else ca.SX.zeros(rows, size)
         for name, size in columns
     ]
-    return ca.Function(
-        f"differentiate_{kind.prefix}",
-        [state, frames, mount, measured],
-        [value, error, *blocks],
-        {"cse": True},
-    )
+    outputs = [value, error, *blocks]
+    return ca.Function(f"differentiate_{kind.prefix}", inputs, outputs, {"cse": True})
+
+
+def _accelerated(at: StationMotion, rates: ca.SX, root_twist: ca.SX | None) -> StationMotion:
+    """A station with its acceleration, from a march without, and rates (q_dot, q_ddot, V̇_0).
+
+    V̇ = V̇_0 + J_t q_dot + J q_ddot, exactly. Of the second rate of J = [A; B] only what a turning
+    root does to it, with V_0 the root's twist and ad(ω, v) (a, b) = (ω × a, v × a + ω × b):
+
+        J_tt ≈ ad(V̇_0) J + 2 ad(V_0) J_t − ad(V_0)² J
+
+    What is left out is the second rate of J relative to the root.
+    """
+    j, j_t = (ca.vertcat(*block) for block in at.sums)
+    n = j.shape[1]
+    q_dot, q_ddot, twist_rate = _split(rates, (n, n, 6))
+    acceleration = twist_rate + j_t @ q_dot + j @ q_ddot
+    j_tt = ca.SX(6, n)
+    if root_twist is not None:
+        ad = _ad(root_twist)
+        j_tt = _ad(twist_rate) @ j + 2 * (ad @ j_t) - ad @ (ad @ j)
+    sums = (*at.sums, (j_tt[:3, :], j_tt[3:, :]))
+    return at._replace(acceleration=acceleration, sums=sums)
+
+
+def _ad(twist: ca.SX) -> ca.SX:
+    omega, v = so3.hat(twist[:3]), so3.hat(twist[3:])
+    return ca.blockcat([[omega, ca.SX(3, 3)], [v, omega]])
+
+
+@lru_cache(maxsize=64)
+def turning_function(n: int) -> ca.Function:
+    """(state of a march of order 1, offset, mounting) -> Rᵀ (B_t + A_t × P), (3, n)."""
+    state = ca.SX.sym("state", 18 + 12 * n)
+    offset, mounting = ca.SX.sym("offset", 3), ca.SX.sym("mounting", 3, 3)
+    at = unpack_motion(state, 1)
+    a_t, b_t = at.sums[1]
+    point = at.position + at.rotation @ offset
+    turned = mounting.T @ at.rotation.T @ (b_t - so3.hat(point) @ a_t)
+    return ca.Function("turning", [state, offset, mounting], [turned], {"cse": True})
 
 
 def residual(kind: Any, value: AnyExpr, measured: AnyExpr) -> AnyExpr:

@@ -30,6 +30,8 @@ from curvcasadi.shape import Shape, curvature, poses
 #: Probability of the residual below which other starts are tried.
 _SUSPECT = 1e-6
 _FURTHER_STARTS = 8
+#: Curvature of a loss along a residual, over that across it, that a step relies on at least.
+_LEAST_CURVATURE = 0.01
 
 
 def fit_shape(
@@ -62,9 +64,9 @@ def fit_shape(
     q_dot, q_ddot : (n, 1), rad/(m s) and rad/(m s²), known; gyros and accelerometers need q_dot
     root : motion of the root, gravity and magnetic field, as for `measure`
     prior : mean μ (n,), rad/m, and P: one standard deviation, n, or a covariance (n, n)
-    loss : "squared", ρ = u²; "huber", linear beyond `loss_scale`; "cauchy", logarithmic. By
-        iteratively reweighted least squares: a sensor counts with the factor ρ'(u²) ≤ 1, which the
-        covariance takes for given, so that it is approximate
+    loss : "squared", ρ = u²; "huber", linear beyond `loss_scale`; "cauchy", logarithmic. A
+        sensor then counts as in least squares reweighted by ρ'(u²) ≤ 1. The covariance takes these
+        weights for given, so that it is approximate; `chi_squared` is not reweighted
     loss_scale : in standard deviations; 1.345 (huber) and 2.385 (cauchy) where None, which cost 5 %
         of the efficiency on Gaussian noise of one reading
     q_guess : (n, 1), rad/m, brought within the bounds; straight unless given
@@ -158,16 +160,28 @@ class _Problem:
         return counts.astype(float), np.sqrt(squares / np.maximum(counts, 1))
 
     def linearize(self, q: Array) -> Linearization:
-        """The problem at `q`, reweighted by the loss."""
+        """The problem at `q`, with the gradient of the loss and its curvature, where positive.
+
+        B. Triggs et al., "Bundle Adjustment – A Modern Synthesis", 2000, section 4.3: along the
+        residual r of a sensor rows are scaled by √ρ' (1 − β), (1 − β)² = (ρ' + 2 u² ρ'')/ρ', across
+        it by √ρ'; with the squares alone, β = 0, iterations are many.
+        """
         residual, slope = self.residual(q)
         prior_residual, prior_slope = self.prior_rows(q)
         counts, sizes = self.sizes(residual)
-        root = np.sqrt(self.loss.weight(sizes))[self.groups]
         seen = self.observability(np.vstack([slope, prior_slope])).seen
+
+        root = np.sqrt(self.loss.weight(sizes))[self.groups]
+        along = np.sqrt(np.maximum(self.loss.curvature(sizes), _LEAST_CURVATURE))[self.groups]
+        lengths = np.sqrt(counts) * sizes
+        direction = residual / np.where(lengths > 0, lengths, 1.0)[self.groups]
+        same = self.groups[:, None] == self.groups
+        projected = direction[:, None] * (same @ (direction[:, None] * slope))
+        slope = root[:, None] * (slope - (1 - along)[:, None] * projected)
         return Linearization(
             cost=float(counts @ self.loss.value(sizes) + prior_residual @ prior_residual) / 2,
-            residual=np.concatenate([root * residual, prior_residual]),
-            slope=np.vstack([root[:, None] * slope, prior_slope]),
+            residual=np.concatenate([root / along * residual, prior_residual]),
+            slope=np.vstack([slope, prior_slope]),
             seen=seen,
         )
 
@@ -222,6 +236,7 @@ def _result(problem: _Problem, best: Minimum, iterations: int) -> ShapeFit:
         chi_test=(squares, freedom, p_value),
         loss=problem.loss.name,
         loss_weights=loss_weights,
+        active_bounds=active.values(),
         seen=seen,
         prior=problem.prior is not None,
     )

@@ -60,33 +60,21 @@ def observability(slope: Array, length: float, labels: Sequence[str]) -> Observa
     rounding = _ROUNDING * max(singular[0], 1 / LARGEST_DEVIATION)
     felt = int(np.sum(singular > rounding))
     rank = int(np.sum(singular > max(1 / LARGEST_DEVIATION, rounding)))
-    deviations = np.full(n, np.inf)
-    deviations[:felt] = 1 / (length * singular[:felt])
-    return Observability(
-        seen=rows[:rank].T,
-        felt=rows[:felt].T,
-        silent=rows[felt:].T,
-        words=_words(rows[rank:].T, deviations[rank:], length, labels),
-    )
+    drowned = rows[rank:felt].T
+    words = [f"{name}: no reading changes with it" for name, _ in _named(rows[felt:].T, labels)]
+    for name, combination in _named(drowned, labels):
+        deviation = np.linalg.norm((drowned.T @ combination) / singular[rank:felt]) / length
+        words.append(
+            f"{name}: the noise leaves it a standard deviation of {deviation:.2g} rad/m, "
+            f"above pi/L = {LARGEST_DEVIATION / length:.2g} rad/m"
+        )
+    return Observability(rows[:rank].T, rows[:felt].T, rows[felt:].T, tuple(words))
 
 
-def _words(
-    unseen: Array, deviations: Array, length: float, labels: Sequence[str]
-) -> tuple[str, ...]:
-    said = []
-    for combination in sorted(_echelon(unseen), key=lambda c: int(np.argmax(np.abs(c)))):
-        name = _sum(combination, labels)
-        along = unseen.T @ combination / np.linalg.norm(combination)
-        used = np.abs(along) > _LEAST_PART
-        deviation = np.linalg.norm(along[used] * deviations[used])
-        reason = "no reading changes with it"
-        if np.isfinite(deviation):
-            reason = (
-                f"the noise leaves it a standard deviation of {deviation:.2g} rad/m, "
-                f"above pi/L = {LARGEST_DEVIATION / length:.2g} rad/m"
-            )
-        said.append(f"{name}: {reason}")
-    return tuple(said)
+def _named(columns: Array, labels: Sequence[str]) -> list[tuple[str, Array]]:
+    """Combinations of weights, of length 1, that span the space of `columns`, with names."""
+    basis = sorted(_echelon(columns), key=lambda c: int(np.argmax(np.abs(c))))
+    return [(_sum(c, labels), c / np.linalg.norm(c)) for c in basis]
 
 
 def _sum(combination: Array, labels: Sequence[str]) -> str:

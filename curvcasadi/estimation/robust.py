@@ -35,3 +35,12 @@ class Loss(NamedTuple):
         if self.name == "cauchy":
             return np.asarray(1 / (1 + (u / self.scale) ** 2))
         return np.ones_like(u)
+
+    def curvature(self, u: Array) -> Array:
+        """(ρ' + 2 u² ρ'')/ρ': curvature along a residual over that across it; at most 1."""
+        if self.name == "huber":
+            return np.where(u <= self.scale, 1.0, 0.0)
+        if self.name == "cauchy":
+            part = (u / self.scale) ** 2
+            return np.asarray((1 - part) / (1 + part))
+        return np.ones_like(u)

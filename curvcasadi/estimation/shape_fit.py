@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -83,6 +84,7 @@ def fit_message(
     chi_test: tuple[float, int, float],
     loss: str,
     loss_weights: dict[str, float],
+    active_bounds: Iterable[str],
     seen: Observability,
     prior: bool,
 ) -> str:
@@ -97,6 +99,7 @@ def fit_message(
         *_end_said(converged, too_bent),
         _test_said(*chi_test),
         *_loss_said(loss, loss_weights),
+        *(f"held by a bound: {bound}" for bound in active_bounds),
         *_unseen_said(seen, prior),
     ]
     return "\n".join(lines)

@@ -68,6 +68,7 @@ from curvcasadi.estimation.information import (
     information_matrix,
     shape_deviations,
 )
+from curvcasadi.estimation.mhe import ShapeMhe, WindowEstimate, run_mhe, shape_mhe
 from curvcasadi.estimation.placement import Placement, place_sensors
 from curvcasadi.estimation.shape_fit import ShapeFit
 from curvcasadi.export import CFunction, export_c
@@ -177,6 +178,7 @@ __all__ = [
     "ShapeDeviations",
     "ShapeEkf",
     "ShapeFit",
+    "ShapeMhe",
     "ShapeResult",
     "ShearGauge",
     "Steps",
@@ -189,6 +191,7 @@ __all__ = [
     "TipHeight",
     "TrimResult",
     "VectorBasis",
+    "WindowEstimate",
     "Wing",
     "WingFile",
     "aircraft_wrench",
@@ -226,10 +229,12 @@ __all__ = [
     "rk4_step",
     "root_wrench",
     "run_ekf",
+    "run_mhe",
     "sensor_channels",
     "shape_deviations",
     "shape_ekf",
     "shape_map",
+    "shape_mhe",
     "shape_target_function",
     "solve_equilibrium",
     "squared_element_angles",

@@ -49,6 +49,7 @@ EXEMPT = {"cli", "__init__", "__main__"}
 #: Where branches may stand. That of estimation takes zero for a missing sample, which is NaN; it
 #: guards no singularity, and is never differentiated.
 BRANCHED = {"lie/so3.py", "element.py", "aero/load.py", "estimation/correction.py"}
+BRANCHED |= {"estimation/samples.py"}  # the same for windows of samples
 
 FILES = sorted(PACKAGE.rglob("*.py"))
 TREES = {path: ast.parse(path.read_text()) for path in FILES}

@@ -1,0 +1,325 @@
+"""Moving-horizon estimation of the shape of a wing, one step as a Function."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.beam import Beam
+from curvcasadi.estimation import ud
+from curvcasadi.estimation.process import PROCESSES, Process, ProcessName
+from curvcasadi.estimation.sample_residual import KNOWN_SHAPES
+from curvcasadi.estimation.sensor_model import covariance_matrix
+from curvcasadi.estimation.window_problem import WindowProblem, step_function
+from curvcasadi.expressions import (
+    Array,
+    Number,
+    choice,
+    count,
+    expression,
+    function_name,
+    instance,
+    positive,
+)
+from curvcasadi.layout import Layout, Part
+from curvcasadi.ocp.targets import numeric
+from curvcasadi.sensors import Channels, RootMotion, Sensor
+from curvcasadi.sensors.channels import checked_sensors
+
+#: Units of what a sample depends on and the state does not hold, by name.
+_UNITS = {"q_dot": "rad/(m s)", "q_ddot": "rad/(m s²)"}
+
+
+class WindowEstimate(NamedTuple):
+    """What a window of samples says, and what the next one starts from."""
+
+    time: float  #: s, of the newest sample
+    state: Array  #: (x,), at that time, parts as in `ShapeMhe.layout`
+    states: Array  #: (x, k), at all times of the window so far, one a column
+    arrival_mean: Array  #: (x,), at the start of the next window, from samples before it
+    arrival_factor: Array  #: (x, x), of its covariance: U D Uᵀ, upper triangular, D on the diagonal
+    guess: Array  #: (v, N + 1), of the next window
+    violation: float = 0.0  #: of the bounds, over its tolerance
+    stationarity: float = 0.0  #: what is left of the optimality conditions, over its tolerance
+
+    @property
+    def solved(self) -> bool:
+        """Whether bounds and optimality conditions hold to their tolerances."""
+        return self.violation <= 1 and self.stationarity <= 1
+
+    @property
+    def arrival_covariance(self) -> Array:
+        """(x, x), of `arrival_mean`."""
+        return ud.covariance_of(self.arrival_factor)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ShapeMhe:
+    """A moving-horizon estimator whose step is one Function, for Python and for C."""
+
+    step: ca.Function  #: as `shape_mhe` describes it
+    layout: Layout  #: of the state
+    node: Layout  #: of a column of the guess: the state, and what else is unknown at a sample
+    channels: Channels  #: rows of measured
+    beam: Beam
+    dt: float  #: s
+    window: int  #: N: a window holds N + 1 samples
+
+    def initial(
+        self,
+        deviation: Mapping[str, Number],
+        mean: Mapping[str, Number] | None = None,
+        *,
+        time: float = 0.0,
+    ) -> WindowEstimate:
+        """What is known of the state at the first sample, before it.
+
+        Parameters
+        ----------
+        deviation : for every part of the state its standard deviation, one number or one per entry;
+            or a positive definite covariance matrix of the part
+        mean : of parts of the state; zero where not given
+        time : of the first sample, s
+        """
+        means, blocks = [], []
+        for part in self.layout.parts:
+            if part.name not in deviation:
+                raise ValueError(f"deviation: expected {part.name!r}, {part.unit}; not found")
+            where = f"deviation[{part.name!r}]"
+            blocks.append(covariance_matrix(where, deviation[part.name], part.size))
+            value = (mean or {}).get(part.name, np.zeros(part.size))
+            means.append(expression(f"mean[{part.name!r}]", value, (part.size, 1)).full().ravel())
+        names = [part.name for part in self.layout.parts]
+        for where, given in (("deviation", deviation), ("mean", mean or {})):
+            for key in given:
+                choice(where, key, names)
+        state = np.concatenate(means)
+        column = np.concatenate([state, np.zeros(self.node.size - state.size)])
+        covariance = ca.diagcat(*map(ca.DM, blocks)).full()
+        return WindowEstimate(
+            time=float(time),
+            state=state,
+            states=state[:, None],
+            arrival_mean=state,
+            arrival_factor=ud.factor_of(covariance),
+            guess=np.tile(column[:, None], self.window + 1),
+        )
+
+
+def shape_mhe(
+    beam: Beam,
+    sensors: Sequence[Sensor],
+    *,
+    dt: float,
+    window: int,
+    process: ProcessName,
+    density: Number,
+    rate: Number = None,
+    acceleration: Number = None,
+    rate_bound: Number | None = None,
+    root: RootMotion | None = None,
+    root_inputs: Sequence[str] = (),
+    iterations: int | None = None,
+    qp_solver: str = "qrqp",
+    name: str = "mhe",
+) -> ShapeMhe:
+    """Estimator of curvature weights from the last N + 1 samples, within bounds.
+
+    Minimizes over the states x_0 … x_N of a window, within the bounds,
+
+        ½ |x_0 − x̄|²_{P̄⁻¹} + ½ Σ_k |residual(x_k, y_k)/noise|² + ½ Σ_k |x_{k+1} − F x_k|²_{Q⁻¹}
+
+    where x̄, P̄ tell what the samples before the window say. Gauss–Newton `sqpmethod`; with `qrqp` it
+    becomes self-contained C. The arrival values of the next window are filtered: x̄, P̄ corrected by
+    the sample y_0, linearized at the x_0 found here, and predicted by dt. With linear readings and
+    idle bounds the newest state is that of the Kalman filter.
+
+    Parameters
+    ----------
+    dt : between samples, s
+    window : N, the number of steps in a window
+    process : "random_walk" of q, or "white_acceleration" of (q, q_dot)
+    density : of the driving white noise, rad/(m √s) or, of q_dot, rad/(m s √s); one or n
+    rate, acceleration : standard deviations of what sensors read and the state does not hold, one
+        or n: q_dot of a random walk with gyros or accelerometers, rad/(m s); q_ddot with
+        accelerometers, rad/(m s²). Each sample then has its own, estimated with the state
+    rate_bound : of |q_dot|, rad/(m s), one or n; of a random walk also of |q_{k+1} − q_k|/dt. The
+        weights are bounded by `Beam.weight_bounds`
+    root : motion of the root, gravity and magnetic field, as for `measure`
+    root_inputs : what of it comes with every sample: "attitude", "position", "twist", "twist_rate"
+    iterations : None to converge, 1 for a real-time iteration (one quadratic program, full step)
+    qp_solver : "qrqp", which alone becomes self-contained C, or another of CasADi's
+
+    Returns
+    -------
+    ShapeMhe
+        Its step has the inputs arrival_mean (x, 1); arrival_factor (x, x), upper triangular: U D Uᵀ
+        with D on the diagonal, as in `shape_ekf`; measured (m, N + 1), one sample a column, NaN
+        where missing; guess (v, N + 1); and root inputs, N + 1 side by side. Outputs: state (x, 1),
+        the newest; states (x, N + 1); arrival_mean_after, arrival_factor_after and guess_after, for
+        the next step; violation (1, 1), the largest excess over a bound over 1e-6 (`Grid.real`
+        float: 1e-5), and stationarity (1, 1), what is left of the optimality conditions over 1e-8
+        (float: 1e-4): at most 1 both where the estimate is good.
+
+        Until the first window is full, samples to come are missing ones, and arrival values stay;
+        `run_mhe` does so.
+    """
+    function_name("name", name)
+    n = instance("beam", beam, Beam).basis.n
+    checked = checked_sensors(sensors)
+    numeric("dt", positive("dt", dt))
+    nodes = count("window", window) + 1
+    choice("process", process, PROCESSES)
+    known = _known(root_inputs)
+    order = max(sensor.order for sensor in checked)
+    unknown = {}
+    if order >= 1 and process == "random_walk":
+        unknown["q_dot"] = _per_weight("rate", rate, n)
+    if order == 2:
+        unknown["q_ddot"] = _per_weight("acceleration", acceleration, n)
+    described = Process(
+        kind=process,
+        density=_per_weight("density", density, n),
+        attitude=False,
+        root_rotation=beam.root.rotation,
+        rate_density=None,
+        biases=0,
+        root_bias=False,
+        bias_density=None,
+    )
+    most = np.inf if rate_bound is None else rate_bound
+    rates = _per_weight("rate_bound", most, n, infinite=True)
+    limits = {"q": beam.bounds, "q_dot": (-rates, rates)}
+    parts = [(part.name, part.unit) for part in described.state.parts]
+    node = Layout(
+        tuple(
+            Part(key, n, unit, *limits.get(key, (-np.inf, np.inf)))
+            for key, unit in [*parts, *((key, _UNITS[key]) for key in unknown)]
+        )
+    )
+    problem = WindowProblem(
+        name=name,
+        beam=beam,
+        sensors=checked,
+        root=root,
+        known=known,
+        process=described,
+        node=node,
+        unknown=unknown,
+        moves=rates * float(dt) if process == "random_walk" else np.full(n, np.inf),
+        nodes=nodes,
+        dt=float(dt),
+    )
+    programs = None if iterations is None else count("iterations", iterations)
+    return ShapeMhe(
+        step=step_function(problem, programs, qp_solver),
+        layout=described.state,
+        node=node,
+        channels=problem.channels,
+        beam=beam,
+        dt=problem.dt,
+        window=nodes - 1,
+    )
+
+
+def run_mhe(
+    mhe: ShapeMhe, start: WindowEstimate, samples: Iterable[Any]
+) -> Iterator[WindowEstimate]:
+    """Estimates at the first sample and every `dt` after it, in constant memory.
+
+    Parameters
+    ----------
+    start : `ShapeMhe.initial`
+    samples : measured (m,), NaN where missing, or (measured, root inputs by name); one every `dt`
+    """
+    at = start
+    nodes = mhe.window + 1
+    columns: deque[Array] = deque(maxlen=nodes)
+    motions: deque[dict[str, Array]] = deque(maxlen=nodes)
+    known = mhe.step.name_in()[4:]
+    for k, sample in enumerate(samples):
+        measured, inputs = sample if isinstance(sample, tuple) else (sample, {})
+        columns.append(_column(k, measured, mhe.channels.layout.size))
+        if set(inputs) != set(known):
+            raise ValueError(f"samples[{k}]: expected root inputs {known}, found {sorted(inputs)}")
+        motions.append({key: _motion(mhe, k, key, inputs[key]) for key in known})
+        at = _estimate(mhe, at, start.time + k * mhe.dt, columns, motions)
+        yield at
+
+
+def _estimate(
+    mhe: ShapeMhe,
+    at: WindowEstimate,
+    time: float,
+    columns: deque[Array],
+    motions: deque[dict[str, Array]],
+) -> WindowEstimate:
+    newest, ahead = len(columns) - 1, mhe.window + 1 - len(columns)
+    missing = [np.full_like(columns[0], np.nan)] * ahead
+    found = mhe.step(
+        arrival_mean=at.arrival_mean,
+        arrival_factor=at.arrival_factor,
+        measured=np.column_stack([*columns, *missing]),
+        guess=at.guess,
+        **{
+            key: np.hstack([motion[key] for motion in [*motions, *[motions[-1]] * ahead]])
+            for key in motions[-1]
+        },
+    )
+    states = found["states"].full()[:, : newest + 1]
+    estimate = WindowEstimate(
+        time=time,
+        state=states[:, -1],
+        states=states,
+        arrival_mean=found["arrival_mean_after"].full().ravel(),
+        arrival_factor=found["arrival_factor_after"].full(),
+        guess=found["guess_after"].full(),
+        violation=float(found["violation"]),
+        stationarity=float(found["stationarity"]),
+    )
+    if ahead == 0:
+        return estimate
+    return estimate._replace(
+        arrival_mean=at.arrival_mean, arrival_factor=at.arrival_factor, guess=at.guess
+    )
+
+
+def _column(k: int, measured: Any, size: int) -> Array:
+    values = np.array(measured, dtype=float).ravel()
+    if values.size != size:
+        raise ValueError(f"samples[{k}]: expected {size} values, found {values.size}")
+    if np.any(np.isinf(values)):
+        raise ValueError(f"samples[{k}]: expected finite numbers or NaN, found infinity")
+    return values
+
+
+def _motion(mhe: ShapeMhe, k: int, key: str, value: Any) -> Array:
+    rows, columns = mhe.step.size_in(key)
+    shape = (rows, columns // (mhe.window + 1))
+    return np.asarray(expression(f"samples[{k}]: {key}", value, shape).full())
+
+
+def _per_weight(name: str, value: Number, n: int, *, infinite: bool = False) -> Array:
+    """`value`, a number above zero or n of them, as (n,)."""
+    try:
+        found = np.array(np.broadcast_to(np.asarray(value, dtype=float).ravel(), (n,)))
+    except (TypeError, ValueError, NotImplementedError):
+        found = np.full(n, np.nan)
+    if not np.all(found > 0) or not (infinite or np.all(np.isfinite(found))):
+        raise ValueError(f"{name}: expected one or {n} numbers above zero, found {value!r}")
+    return found
+
+
+def _known(names: Sequence[str]) -> tuple[str, ...]:
+    """`names`, each an input of the step."""
+    if isinstance(names, str) or set(names) - set(KNOWN_SHAPES) or len(set(names)) < len(names):
+        raise ValueError(
+            f"root_inputs: expected names among {', '.join(KNOWN_SHAPES)}, each once; "
+            f"found {names!r}"
+        )
+    return tuple(names)

@@ -14,8 +14,8 @@ from curvcasadi.expressions import Array
 LARGEST_DEVIATION = np.pi
 #: Singular values below this part of the largest are rounding.
 _ROUNDING = 1e-12
-#: Part of a weight in a combination below which it is rounding.
-_LEAST_PART = 1e-6
+#: Part of a weight in a combination below which it is rounding, of the integration rule, too.
+_LEAST_PART = 1e-4
 #: Coefficient of a weight that is left out of the words.
 _SILENT = 0.02
 

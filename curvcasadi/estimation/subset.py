@@ -25,6 +25,11 @@ class Limits(NamedTuple):
     costs: Array | None  #: (m,)
     budget: float
 
+    @property
+    def largest(self) -> float:
+        """The budget, opened by the rounding of sums."""
+        return self.budget * (1 + 1e-12)
+
     def cost(self, chosen: Sequence[int]) -> float:
         return 0.0 if self.costs is None else float(np.sum(self.costs[list(chosen)]))
 
@@ -34,7 +39,7 @@ class Limits(NamedTuple):
         if len(chosen) >= self.k:
             free[:] = False
         elif self.costs is not None:
-            free &= self.cost(chosen) + self.costs <= self.budget * (1 + 1e-12)
+            free &= self.cost(chosen) + self.costs <= self.largest
         return free
 
 
@@ -146,7 +151,8 @@ def _sets(m: int, limits: Limits) -> list[tuple[int, Iterable[tuple[int, ...]]]]
         if total > MOST_SETS:
             raise _too_many(f"{limits.k} of {m} candidates are {total} sets")
         return [(limits.k, combinations(range(m), limits.k))]
-    found = list(islice(_affordable(limits, m), MOST_SETS + 1))
+    sets = _affordable(limits.costs.tolist(), limits.largest, limits.k)
+    found = list(islice(sets, MOST_SETS + 1))
     if len(found) > MOST_SETS:
         raise _too_many(f"{m} candidates have more sets within the budget")
     sizes = sorted({len(members) for members in found})
@@ -160,14 +166,15 @@ def _too_many(what: str) -> ValueError:
     )
 
 
-def _affordable(limits: Limits, m: int, members: tuple[int, ...] = ()) -> Iterator[tuple[int, ...]]:
-    """Sets that begin with `members`, in order."""
+def _affordable(
+    costs: list[float], budget: float, k: int, members: tuple[int, ...] = ()
+) -> Iterator[tuple[int, ...]]:
+    """Sets of at most `k` that begin with `members` and keep the budget, in order."""
     if members:
         yield members
-    fitting = limits.fitting(members, m)
-    for i in range(members[-1] + 1 if members else 0, m):
-        if fitting[i]:
-            yield from _affordable(limits, m, (*members, i))
+    for i in range(members[-1] + 1 if members else 0, len(costs) if k else 0):
+        if costs[i] <= budget:
+            yield from _affordable(costs, budget - costs[i], k - 1, (*members, i))
 
 
 def _batches(members: Iterable[tuple[int, ...]], size: int) -> Iterator[Array]:

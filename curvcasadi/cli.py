@@ -12,7 +12,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from curvcasadi import equilibrium_command, trim_command
+from curvcasadi import equilibrium_command, estimate_command, trim_command
 from curvcasadi.beam import Beam
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.expressions import Array
@@ -41,7 +41,8 @@ Samples without a time are numbered 0, 1, 2, ...
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code.
 
-    0; 2 after an error in the input; 3 if a solver did not reach what was asked for.
+    0; 2 after an error in the input; 3 if a solver did not reach what was asked for; 130 after
+    Ctrl-C.
     """
     arguments = _parser().parse_args(_joined(sys.argv[1:] if argv is None else argv))
     try:
@@ -49,6 +50,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return code
     except ConvergenceError as error:
         return _refuse(str(error), 3)
+    except KeyboardInterrupt:
+        return _refuse("interrupted", 130)
     except OSError as error:
         return _refuse(f"{error.filename}: {error.strerror}" if error.filename else str(error), 2)
     except ValueError as error:
@@ -87,6 +90,7 @@ def _parser() -> argparse.ArgumentParser:
 
     equilibrium_command.add_parser(commands)
     trim_command.add_parser(commands)
+    estimate_command.add_parser(commands)
 
     demo = commands.add_parser("demo", help="a tour of the package, written to a directory")
     demo.add_argument("--out", type=Path, metavar="DIR", default=Path("out"), help="default: out")

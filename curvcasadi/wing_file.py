@@ -54,7 +54,9 @@ def load_beam(path: str | Path) -> Beam:
 def load_wing(path: str | Path) -> WingFile:
     """Beam and loads of a wing file.
 
-    TOML tables beam, basis and grid; optionally section, an array of bodies and one of loads.
+    TOML tables beam, basis and grid; optionally section, an array of bodies and one of loads. What
+    `sensors_table.load_estimation` reads, sensors and estimation, may stand there, and is no matter
+    here.
 
     Parameters
     ----------
@@ -70,6 +72,7 @@ def load_wing(path: str | Path) -> WingFile:
     file = toml.load_table(path)
     required = dict.fromkeys(("beam", "basis", "grid"), toml.table_of())
     optional = {"section": toml.table_of(), "bodies": toml.TABLES, "loads": toml.TABLES}
+    optional |= {"sensors": toml.TABLES, "estimation": toml.table_of()}  # of load_estimation
     tables = file.read(required, optional)
     description: dict[str, Any] = {
         "basis": basis_of(file.table("basis")),

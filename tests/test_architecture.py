@@ -29,8 +29,9 @@ LAYERS = """
     control_model integrators
     ocp estimation
     plotting estimation_plot toml_table csv_table modal section_table loads_table shape_files
-    wing_file aircraft_file files
-    export equilibrium_command trim_command demo
+    wing_file aircraft_file files sensors_table sensor_log
+    estimate_plot estimate_stream estimate_summary
+    export equilibrium_command trim_command estimate_command demo
 """
 ORDER = {
     name: (level, place)
@@ -41,7 +42,8 @@ ORDER = {
 RIM = {
     *("plotting", "toml_table", "csv_table", "modal", "section_table", "loads_table"),
     *("shape_files", "wing_file", "files", "export", "equilibrium_command", "demo"),
-    *("aircraft_file", "trim_command", "estimation_plot"),
+    *("aircraft_file", "trim_command", "estimation_plot", "sensors_table", "sensor_log"),
+    *("estimate_command", "estimate_plot", "estimate_stream", "estimate_summary"),
 }
 #: May import everything: the command line, and what makes the public names.
 EXEMPT = {"cli", "__init__", "__main__"}
@@ -109,7 +111,7 @@ def test_matplotlib_is_imported_where_plots_are_drawn():
         for path, tree in TREES.items()
         if any(name.split(".")[0] == "matplotlib" for name in imports_of(tree))
     }
-    assert users <= {"plotting", "estimation_plot"}
+    assert users <= {"plotting", "estimation_plot", "estimate_plot"}
 
 
 def test_importing_the_package_does_not_import_matplotlib():

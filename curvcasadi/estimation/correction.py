@@ -54,18 +54,14 @@ def _samples(observation: Observation) -> ca.Function:
     A number is below zero or not; NaN is neither. The selection is no guard of a derivative, and
     none is taken of it.
     """
-    measured = ca.SX.sym("measured", observation.channels.layout.size)
+    layout = observation.channels.layout
+    measured = ca.MX.sym("measured", layout.size)
     there = ca.logic_or(measured < 0, measured >= 0)
-    samples = ca.if_else(there, measured, 0)
     seen = []
-    for sensor, part in zip(
-        observation.sensors,
-        observation.channels.layout.split(there).values(),
-        strict=True,
-    ):
+    for sensor, part in zip(observation.sensors, layout.split(there).values(), strict=True):
         whole = isinstance(sensor, AttitudeSensor)
-        rows = len(sensor.residual_components)
-        seen.append(ca.repmat(ca.mmin(part), rows, 1) if whole else part)
+        seen.append(ca.repmat(ca.mmin(part), 3, 1) if whole else part)
+    samples = ca.if_else(there, measured, 0)
     return ca.Function("samples", [measured], [samples, ca.vertcat(*seen)], {"cse": True})
 
 
@@ -89,44 +85,33 @@ def _correction(process: Process, observation: Observation, look: bool) -> ca.Fu
 
     readings = Readings(process, observation, state, samples, known)
     there = observation.channels.residual_layout.split(seen)
-    both = _augmented(observation, start_factor)
+    factor = _augmented(observation, start_factor)
     if look and first:
+        shared = [row for row in readings.rows(None) if row.shared]
         error = ca.vertcat(ca.DM.zeros(first), start)
-        unknown = _sequence(readings.rows(None), True, error, both, there, observation.gate)[0]
-        unknown = unknown[:first]
+        unknown = _sequence(shared, error, factor, there, observation.gate)[0][:first]
     rows = readings.rows(unknown if first else None)
     offset = readings.offset(unknown)
-    error, factor, said = _sequence(
-        rows, True, ca.vertcat(-offset, start), both, there, observation.gate
+    error, factor, *said = _sequence(
+        rows, ca.vertcat(-offset, start), factor, there, observation.gate
     )
-    unknown, error, factor = offset + error[:first], error[first:], factor[first:, first:]
-    error, factor, others = _sequence(rows, False, error, factor, there, observation.gate)
-    said |= others
-    innovation, used = (ca.vertcat(*(said[row.name][i] for row in rows)) for i in (0, 1))
-    return ca.Function(
-        "correction", arguments, [error, factor, innovation, used, unknown], {"cse": True}
-    )
+    outputs = [error[first:], factor[first:, first:], *said, offset + error[:first]]
+    return ca.Function("correction", arguments, outputs, {"cse": True})
 
 
 def _sequence(
-    rows: Sequence[Rows],
-    shared: bool,
-    error: AnyExpr,
-    factor: AnyExpr,
-    seen: Mapping[str, ca.MX],
-    gate: float,
-) -> tuple[AnyExpr, AnyExpr, dict[str, tuple[ca.MX, ca.MX]]]:
-    """Error and factor after the rows that share unknowns, or after those that do not."""
-    said: dict[str, tuple[ca.MX, ca.MX]] = {}
+    rows: Sequence[Rows], error: AnyExpr, factor: AnyExpr, seen: Mapping[str, ca.MX], gate: float
+) -> tuple[AnyExpr, AnyExpr, AnyExpr, AnyExpr]:
+    """Error, factor, innovations and which were used, after the rows of all sensors."""
+    said = []
     for row in rows:
-        if row.shared == shared:
-            step = ud.measure_rows(error.shape[0], len(row.variance), gate)
-            slope = row.slope if shared else row.slope[:, -error.shape[0] :]
-            error, factor, *found = step(
-                error, factor, slope, row.residual, row.variance, seen[row.name]
-            )
-            said[row.name] = (found[0], found[1])
-    return error, factor, said
+        step = ud.measure_rows(error.shape[0], len(row.variance), gate)
+        error, factor, *found = step(
+            error, factor, row.slope, row.residual, row.variance, seen[row.name]
+        )
+        said.append(found)
+    innovation, used = (ca.vertcat(*x) for x in zip(*said, strict=True))
+    return error, factor, innovation, used
 
 
 def _augmented(observation: Observation, factor: ca.MX) -> ca.MX:

@@ -45,7 +45,7 @@ class Rows:
     name: str
     shared: bool  #: whether they depend on unknowns
     residual: ca.MX  #: (r, 1), at the state, the unknown q_dot, and no q_ddot
-    slope: ca.MX  #: (r, unknowns + error)
+    slope: ca.MX  #: (unknowns + error, r), transposed
     variance: Array  #: (r,)
 
 
@@ -136,7 +136,7 @@ class Readings:
                     name=name,
                     shared=bool(self.observation.unknown) and sensor.order >= order,
                     residual=residual,
-                    slope=ca.densify(ca.horzcat(*slope)),
+                    slope=ca.vertcat(*(ca.densify(x).T for x in slope)),
                     variance=noise[name].full()[:, 0] ** 2,
                 )
             )

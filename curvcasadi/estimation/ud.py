@@ -39,71 +39,86 @@ def covariance_of(factor: Array) -> Array:
 
 
 @lru_cache(maxsize=64)
-def measure(n: int, gate: float) -> ca.Function:
-    """One scalar measurement 0 = residual + row · error + noise of the given variance.
+def innovate(n: int, gate: float) -> ca.Function:
+    """The innovation of a scalar measurement 0 = residual + row · error + noise.
 
-    With f = Uᵀ row, v = D f, s = variance + f·v and the innovation ν = −(residual + row · error),
-    and α_j = variance + Σ_{i≤j} f_i v_i (Bierman's measurement update):
-
-        D_j ← D_j α_{j-1}/α_j,    U_ij ← U_ij − b_i f_j/α_{j-1},    b_i ← b_i + U_ij v_j,
-        error ← error + b ν/α_n
-
-    A measurement that is not `seen`, or whose ν² exceeds gate² s, is one that depends on nothing:
-    f = 0 leaves everything as it is, exactly.
+    With f = Uᵀ row, s = variance + Σ D_j f_j² and the innovation ν = −(residual + row · error). A
+    measurement that is not `seen`, or whose ν² exceeds gate² s, is one that depends on nothing:
+    with f = 0 `correct` leaves everything as it is, exactly.
 
     Returns
     -------
     casadi.Function
-        (error (n, 1), factor, row (n, 1), residual, variance, seen) -> error, factor, ν/√s and
-        whether it was used; both 0 if not seen.
+        (error (n, 1), factor, row (n, 1), residual, variance, seen) -> f or zeros, ν, ν/√s (0 if
+        not seen), and whether it was used.
     """
     error, row = ca.SX.sym("error", n), ca.SX.sym("row", n)
     factor = ca.SX.sym("factor", ca.Sparsity.upper(n))
     residual, variance, seen = (ca.SX.sym(key) for key in ("residual", "variance", "seen"))
-
     f = [row[j] + sum(factor[i, j] * row[i] for i in range(j)) for j in range(n)]
     s = variance + sum(factor[j, j] * f[j] ** 2 for j in range(n))
     innovation = -(residual + ca.dot(row, error))
     used = seen * (innovation**2 <= gate**2 * s)
-    f = [used * entry for entry in f]
+    arguments = [error, factor, row, residual, variance, seen]
+    outputs = [used * ca.vertcat(*f), innovation, seen * innovation / ca.sqrt(s), used]
+    return ca.Function("ud_innovate", arguments, outputs, _CSE)
 
+
+@lru_cache(maxsize=64)
+def correct(n: int) -> ca.Function:
+    """Bierman's measurement update: (factor, f, variance, error, ν) -> factor, error.
+
+    With v = D f and α_j = variance + Σ_{i≤j} f_i v_i, for j from the first to the last:
+
+        D_j ← D_j α_{j-1}/α_j,    U_ij ← U_ij − b_i f_j/α_{j-1},    b_i ← b_i + U_ij v_j,
+        error ← error + b ν/α_n
+    """
+    factor, f = ca.SX.sym("factor", ca.Sparsity.upper(n)), ca.SX.sym("f", n)
+    error, innovation = ca.SX.sym("error", n), ca.SX.sym("innovation")
+    variance = ca.SX.sym("variance")
     new = ca.SX(factor.sparsity())
     gain: list[ca.SX] = []
     alpha = variance
     for j in range(n):
         v = factor[j, j] * f[j]
         before, alpha = alpha, alpha + f[j] * v
-        new[j, j] = factor[j, j] * (before / alpha)
         slope = f[j] / before
         for i in range(j):
             new[i, j] = factor[i, j] - gain[i] * slope
             gain[i] += factor[i, j] * v
+        new[j, j] = factor[j, j] * (before / alpha)
         gain.append(v)
     error_after = error + ca.vertcat(*gain) * (innovation / alpha)
-    normalized = seen * innovation / ca.sqrt(s)
-    arguments = [error, factor, row, residual, variance, seen]
-    return ca.Function("ud_measure", arguments, [error_after, new, normalized, used], _CSE)
+    arguments = [factor, f, variance, error, innovation]
+    return ca.Function("ud_correct", arguments, [new, error_after], _CSE)
 
 
 @lru_cache(maxsize=64)
 def measure_rows(n: int, rows: int, gate: float) -> ca.Function:
-    """`measure` for each row of a slope (rows, n), one after another: MX, calls of one step.
+    """Scalar measurements with the rows of a slope (rows, n), one after another.
 
-    (error, factor, slope, residual, variance, seen) -> error, factor, ν/√s and used (rows, 1)
+    (error, factor, slope', residual, variance, seen) -> error, factor, ν/√s and used (rows, 1), of
+    the slope transposed. MX: calls of `innovate` and `correct`, which are two so that neither holds
+    the factor for long; as one they took twice the code.
     """
-    step = measure(n, gate)
-    error, slope = ca.MX.sym("error", n), ca.MX.sym("slope", rows, n)
+    error, slope = ca.MX.sym("error", n), ca.MX.sym("slope", n, rows)
     factor = ca.MX.sym("factor", ca.Sparsity.upper(n))
     residual, variance, seen = (ca.MX.sym(key, rows) for key in ("residual", "variance", "seen"))
     arguments = [error, factor, slope, residual, variance, seen]
     said = []
     for k in range(rows):
-        error, factor, *found = step(
-            error, factor, slope[k, :].T, residual[k], variance[k], seen[k]
+        f, innovation, *found = innovate(n, gate)(
+            error, factor, slope[:, k], residual[k], variance[k], seen[k]
         )
+        factor, error = correct(n)(factor, f, variance[k], error, innovation)
         said.append(found)
     outputs = [error, factor, *(ca.vertcat(*x) for x in zip(*said, strict=True))]
-    return ca.Function("ud_measure_rows", arguments, outputs, {"cse": True})
+    return ca.Function("ud_measure_rows", arguments, outputs, _CSE)
+
+
+def measure(n: int, gate: float) -> ca.Function:
+    """`measure_rows` of one row, (n, 1)."""
+    return measure_rows(n, 1, gate)
 
 
 @lru_cache(maxsize=64)

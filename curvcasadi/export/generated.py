@@ -15,6 +15,8 @@ from typing import Any
 
 import casadi as ca
 
+from curvcasadi.export.null_checks import without_null_checks
+
 #: What can be written instead, by what CasADi calls the part.
 _INSTEAD = {
     "Qpoases|Osqp|Daqp|Highs|Hpipm|Ipqp|Proxqp|Piqp|Cplex|Gurobi|Clp|Ooqp": "the QP solver 'qrqp'",
@@ -48,7 +50,7 @@ def generate(functions: Sequence[ca.Function], stem: str, real: str) -> tuple[st
     for function in functions:
         _refuse_unsupported(function)
     source, header = _generated(functions, stem, real)
-    source = _without_static_memory(source)
+    source = without_null_checks(_without_static_memory(source))
     if real == "float":
         source = _single_precision(source, stem)
     return source, header

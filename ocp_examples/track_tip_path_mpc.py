@@ -53,7 +53,7 @@ def simulate() -> dict[str, np.ndarray]:
     for k in range(STEPS):
         poses = [tip(path_weights((k + 1 + j) * DT)) for j in range(STAGES)]
         goals, frames = (ca.horzcat(*part) for part in zip(*poses, strict=True))
-        u, plan, _, _ = step(q, estimate, u, goals, frames, plan)
+        u, plan, *_ = step(q, estimate, u, goals, frames, plan)
         predicted = plant(q, u, estimate)
         q = plant(q, u, gust if k * DT >= GUST_AT else 0)
         estimate += OBSERVER_GAIN * (q - predicted) / (1 - np.exp(-DT / TAU))

@@ -17,8 +17,11 @@ def test_every_example_is_tested():
     assert {path.stem for path in EXAMPLES.glob("*.py")} == {
         "compare_with_euler_angles",
         "design_stiffness",
+        "estimate_shape_from_imus",
         "match_measured_shape",
+        "place_sensors",
         "reach_tip_pose",
+        "track_tip_path_from_imus",
         "track_tip_path_mpc",
         "trim_least_bending",
         "trim_level_flight",
@@ -36,6 +39,13 @@ def test_match_measured_shape_leaves_the_noise(tmp_path):
     ratio = run("match_measured_shape", tmp_path)
     # 21 degrees of freedom: the residual's standard deviation is 1/sqrt(42) of it; three of these.
     assert ratio == pytest.approx(1, abs=3 / np.sqrt(42))
+
+
+def test_place_sensors_finds_more_than_even_spacing(tmp_path):
+    greedy, exact, even = run("place_sensors", tmp_path).values()
+    assert 0.95 * exact.gain < greedy.gain <= exact.gain < greedy.bound
+    assert even.gain < 0.9 * exact.gain
+    assert (tmp_path / "out" / "place_sensors.png").exists()
 
 
 def test_track_tip_path_recovers_from_the_disturbance(tmp_path):
@@ -83,3 +93,19 @@ def test_curvature_weights_are_exact_to_the_basis_and_better_than_superposed_ang
     # Superposed angles in exact rotations are no straw man.
     assert np.all(gains[1] < 2)
     assert (tmp_path / "out" / "compare_with_euler_angles.png").exists()
+
+
+def test_four_imus_know_the_shape_of_a_flapping_wing(tmp_path):
+    rms, within = run("estimate_shape_from_imus", tmp_path)
+    assert rms < 0.03  # of a tip that flaps by 5.5 m
+    assert within > 0.98  # of 3σ, 0.997 if the truth were the filter's own process
+    assert (tmp_path / "out" / "estimate_shape_from_imus.png").exists()
+
+
+def test_the_tip_stays_on_its_path_by_imus_alone(tmp_path):
+    distance, estimate = run("track_tip_path_from_imus", tmp_path)
+    # The disturbance moves the tip by 0.7 m; in the end noise is left, of estimate and control.
+    assert distance.max() > 0.5
+    assert distance[-40:].max() < 0.1
+    assert estimate[-40:].max() < 0.1
+    assert (tmp_path / "out" / "track_tip_path_from_imus.png").exists()

@@ -14,7 +14,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from tqdm import tqdm
 
-from benchmarks import accuracy, alternatives, cost, generated_c, parallel, statics
+from benchmarks import accuracy, alternatives, cost, generated_c, parallel, placement, statics
 from benchmarks.table import Table
 
 Section = Callable[[], Table]
@@ -33,6 +33,8 @@ COUNTED: tuple[Section, ...] = (
     alternatives.straight_wing,
     statics.published,
     statics.cost,
+    placement.fits,
+    placement.placements,
 )
 #: Times, which are never counted, and C that gcc takes long for.
 TIMED: tuple[Section, ...] = (

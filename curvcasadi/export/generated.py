@@ -49,11 +49,18 @@ def generate(functions: Sequence[ca.Function], stem: str, real: str) -> tuple[st
     """
     for function in functions:
         _refuse_unsupported(function)
-    source, header = _generated(functions, stem, real)
+    source, header = (
+        _with_own_names(text, functions, stem) for text in _generated(functions, stem, real)
+    )
     source = without_null_checks(_without_static_memory(source))
     if real == "float":
         source = _single_precision(source, stem)
     return source, header
+
+
+def symbol(function: ca.Function, prefix: str) -> str:
+    """The name of what was generated of `function`, that of no other export."""
+    return f"{prefix}_casadi_{function.name()}"
 
 
 def float_macros() -> str:
@@ -99,6 +106,22 @@ def _unsupported(function: ca.Function, part: str) -> ValueError:
         f"functions: {function.name()!r} holds a part without self-contained C: {part}; "
         f"use {instead[0] if instead else 'parts that CasADi generates itself'}"
     )
+
+
+def _with_own_names(text: str, functions: Sequence[ca.Function], stem: str) -> str:
+    """`text` with all that it makes public named as in `symbol`, so that exports link together."""
+    prefix = stem.removesuffix("_functions")
+    for f in functions:
+        public = rf"^((?:CASADI_SYMBOL_EXPORT )?[\w ]+\*? ){f.name()}(?=(?:_(?:{_PUBLIC}))?\()"
+        text = re.sub(public, rf"\g<1>{symbol(f, prefix)}", text, flags=re.M)
+    return text
+
+
+#: What CasADi writes beside every function, by the ends of their names.
+_PUBLIC = (
+    "checkout|release|incref|decref|n_in|n_out|default_in|name_in|name_out|sparsity_in|"
+    "sparsity_out|work|work_bytes"
+)
 
 
 def _without_static_memory(source: str) -> str:

@@ -18,7 +18,7 @@ from curvcasadi.resolution import largest_element_angles
 _LOOPS = (
     re.compile(r"if \(iter_count >= (\d+)\) break;"),
     re.compile(r"p\.max_iter = (\d+);"),
-    re.compile(r"m->n_iter|max_iter = (\d+)"),
+    re.compile(r"for \(iter=0; iter<(\d+); \+\+iter\)"),
 )
 _PART = re.compile(
     r"^/\* (\w+):\([^\n]*\*/\nstatic int \w+\(const casadi_real\*\* arg.*?^}$", re.S | re.M
@@ -45,7 +45,7 @@ def iteration_bounds(source: str) -> dict[str, int]:
     """Largest number of iterations of every solver in generated C, by its name."""
     bounds = {}
     for part in _PART.finditer(source):
-        found = [int(m[1]) for loop in _LOOPS for m in loop.finditer(part[0]) if m[1]]
+        found = [int(m[1]) for loop in _LOOPS for m in loop.finditer(part[0])]
         if found:
             bounds[part[1]] = found[0]
     return bounds

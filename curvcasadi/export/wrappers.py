@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam import Beam
+from curvcasadi.export import generated
 from curvcasadi.export.c_function import STATIONARITY, TAKEN, VIOLATION, CFunction
 from curvcasadi.resolution import largest_element_angles
 from curvcasadi.shape import squared_element_angles
@@ -158,7 +159,8 @@ def _input_checks(wrapper: Wrapper) -> list[str]:
             lines += [f"if (!all_within({x}, {n}, {limits})) {bad}" for x in columns]
             if key in wrapper.angles:
                 for x in columns:
-                    lines += _angle_check(wrapper.angles[key].name(), x, bad)
+                    angle = generated.symbol(wrapper.angles[key], wrapper.prefix)
+                    lines += _angle_check(angle, x, bad)
         else:
             check = "none_infinite" if key in export.missing else "all_finite"
             lines.append(f"if (!{check}({where}, {size})) {bad}")
@@ -182,7 +184,8 @@ def _call(wrapper: Wrapper) -> list[str]:
     lines += [f"work->res[{i}] = {results.get(k, '0')};" for i, k in enumerate(f.name_out())]
     return [
         *lines,
-        f"if ({f.name()}(work->arg, work->res, work->iw, work->w, 0)) {_failed(wrapper)}",
+        f"if ({generated.symbol(f, wrapper.prefix)}(work->arg, work->res, work->iw, work->w, 0)) "
+        + _failed(wrapper),
     ]
 
 

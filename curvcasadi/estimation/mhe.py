@@ -15,7 +15,8 @@ from curvcasadi.estimation import ud
 from curvcasadi.estimation.process import PROCESSES, Process, ProcessName
 from curvcasadi.estimation.sample_residual import KNOWN_SHAPES
 from curvcasadi.estimation.sensor_model import covariance_matrix
-from curvcasadi.estimation.window_problem import WindowProblem, step_function
+from curvcasadi.estimation.window_problem import WindowProblem
+from curvcasadi.estimation.window_step import step_function
 from curvcasadi.expressions import (
     Array,
     Number,
@@ -45,7 +46,7 @@ class WindowEstimate(NamedTuple):
     arrival_factor: Array  #: (x, x), of its covariance: U D Uᵀ, upper triangular, D on the diagonal
     guess: Array  #: (v, N + 1), of the next window
     violation: float = 0.0  #: of the bounds, over its tolerance
-    stationarity: float = 0.0  #: what is left of the optimality conditions, over its tolerance
+    stationarity: float = 0.0  #: bound of the distance to the optimum, over its tolerance
 
     @property
     def solved(self) -> bool:
@@ -125,6 +126,7 @@ def shape_mhe(
     root: RootMotion | None = None,
     root_inputs: Sequence[str] = (),
     iterations: int | None = None,
+    max_iter: int = 100,
     qp_solver: str = "qrqp",
     name: str = "mhe",
 ) -> ShapeMhe:
@@ -153,6 +155,7 @@ def shape_mhe(
     root : motion of the root, gravity and magnetic field, as for `measure`
     root_inputs : what of it comes with every sample: "attitude", "position", "twist", "twist_rate"
     iterations : None to converge, 1 for a real-time iteration (one quadratic program, full step)
+    max_iter : of iterations that converge, at most
     qp_solver : "qrqp", which alone becomes self-contained C, or another of CasADi's
 
     Returns
@@ -163,8 +166,10 @@ def shape_mhe(
         where missing; guess (v, N + 1); and root inputs, N + 1 side by side. Outputs: state (x, 1),
         the newest; states (x, N + 1); arrival_mean_after, arrival_factor_after and guess_after, for
         the next step; violation (1, 1), the largest excess over a bound over 1e-6 (`Grid.real`
-        float: 1e-5), and stationarity (1, 1), what is left of the optimality conditions over 1e-8
-        (float: 1e-4): at most 1 both where the estimate is good.
+        float: 1e-5), and stationarity (1, 1), a bound of the distance to the optimum in standard
+        deviations of what is known before the samples, of x_0 and of what drives the state, over
+        1e-6 (float: 1e-2): at most 1 both where the estimate is good. For a number of iterations
+        the optimum is that of the last program.
 
         Until the first window is full, samples to come are missing ones, and arrival values stay;
         `run_mhe` does so.
@@ -216,8 +221,9 @@ def shape_mhe(
         dt=float(dt),
     )
     programs = None if iterations is None else count("iterations", iterations)
+    at_most = count("max_iter", max_iter)
     return ShapeMhe(
-        step=step_function(problem, programs, qp_solver),
+        step=step_function(problem, programs, at_most, qp_solver),
         layout=described.state,
         node=node,
         channels=problem.channels,
@@ -284,8 +290,11 @@ def _estimate(
     )
     if ahead == 0:
         return estimate
+    first = np.concatenate([states[:, 0], at.guess[mhe.layout.size :, 0]])
     return estimate._replace(
-        arrival_mean=at.arrival_mean, arrival_factor=at.arrival_factor, guess=at.guess
+        arrival_mean=at.arrival_mean,
+        arrival_factor=at.arrival_factor,
+        guess=np.column_stack([first, estimate.guess[:, :-1]]),
     )
 
 

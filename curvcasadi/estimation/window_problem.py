@@ -1,23 +1,20 @@
-"""The least-squares problem of a window of samples, and what it leaves to the next window."""
+"""The least-squares problem of a window of samples, described."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
 from curvcasadi.beam import Beam
-from curvcasadi.estimation import ud
-from curvcasadi.estimation.process import Process, predict_function
+from curvcasadi.estimation.process import Process
 from curvcasadi.estimation.sample_residual import KNOWN_SHAPES, sample_residual
 from curvcasadi.estimation.samples import samples_function
 from curvcasadi.expressions import Array
 from curvcasadi.layout import Layout
-from curvcasadi.ocp.sqp import TOLERANCES, Bounds, GaussNewton, gauss_newton_sqp
 from curvcasadi.sensors import Channels, RootMotion, Sensor, sensor_channels
 
 
@@ -57,10 +54,16 @@ class WindowProblem:
         return sample_residual(name, self.beam, self.sensors, self.node, self.known, self.root)
 
     @property
+    def deviations(self) -> Array:
+        """Of the unknowns, stacked."""
+        return np.concatenate([np.zeros(0), *self.unknown.values()])
+
+    @property
     def transition(self) -> Array:
         """F (x, x): the state a step later, undriven."""
         one = [[1.0]] if self.process.kind == "random_walk" else [[1.0, self.dt], [0.0, 1.0]]
-        return np.kron(one, np.eye(self.process.n))
+        transition: Array = np.kron(one, np.eye(self.process.n))
+        return transition
 
     @property
     def noise_root(self) -> Array:
@@ -86,8 +89,7 @@ class WindowProblem:
             rows[place, column : column + size] = before
             column += self.node.size
             rows[place, column : column + size] = after
-        deviations = np.concatenate([np.zeros(0), *self.unknown.values()])
-        prior = ca.horzcat(ca.DM(other, size), ca.diag(ca.DM(1 / deviations)))
+        prior = ca.horzcat(ca.DM(other, size), ca.diag(ca.DM(1 / self.deviations)))
         return ca.sparsify(ca.vertcat(rows, ca.diagcat(*[prior] * self.nodes)))
 
     def data(self) -> dict[str, ca.MX]:
@@ -106,7 +108,7 @@ class WindowProblem:
         return list(zip(*columns, strict=True))
 
     def typical(self) -> ca.DM:
-        """Parameters of `window_solver` with all samples there and nothing known before."""
+        """Parameters of a solver with all samples there and nothing known before."""
         absent = ca.DM.nan(self.channels.layout.size)
         samples, seen = samples_function(self.sensors)(absent)
         motion = [
@@ -115,130 +117,3 @@ class WindowProblem:
         parts = [ca.repmat(ca.densify(m), 1, self.nodes) for m in (samples, seen + 1, *motion)]
         before = ca.DM.zeros(self.size + self.size * (self.size + 1) // 2)
         return ca.veccat(before, *parts)
-
-
-def window_solver(problem: WindowProblem, iterations: int | None, qp_solver: str) -> GaussNewton:
-    """Solver over the nodes, stacked.
-
-    Parameters: x̄, the entries of the upper triangular M with MᵀM = P̄⁻¹, and `problem.data()`.
-    """
-    size, width = problem.size, problem.node.size
-    window = ca.MX.sym("window", width * problem.nodes)
-    mean, entries = ca.MX.sym("mean", size), ca.MX.sym("root", size * (size + 1) // 2)
-    root = ca.MX(ca.Sparsity.upper(size), entries)
-    data = problem.data()
-    nodes, arguments = ca.vertsplit(window, width), problem.by_node(data)
-    rows = problem.linear_rows()
-    residuals = [problem.residual(s, *given) for s, given in zip(nodes, arguments, strict=True)]
-    arrival = root @ (nodes[0][:size] - mean)
-    objective = ca.sumsqr(ca.vertcat(arrival, rows @ window, *residuals)) / 2
-
-    gram = _gram(problem)
-    blocks = [gram(s, *given) for s, given in zip(nodes, arguments, strict=True)]
-    blocks[0] += ca.diagcat(root.T @ root, ca.MX(width - size, width - size))
-    hessian = ca.diagcat(*blocks) + rows.T @ rows
-
-    finite = [int(i) for i in np.flatnonzero(np.isfinite(problem.moves))]
-    moves = [b[finite] - a[finite] for a, b in pairwise(nodes)]
-    lower, upper = (np.tile(side, problem.nodes) for side in problem.node.bounds)
-    most = np.tile(problem.moves[finite], problem.nodes - 1)
-    return gauss_newton_sqp(
-        f"{problem.name}_solver",
-        window,
-        ca.veccat(mean, entries, *data.values()),
-        objective,
-        hessian,
-        ca.vertcat(ca.MX(0, 1), *(moves if finite else [])),
-        Bounds(lower, upper, -most, most),
-        nominal=(0, problem.typical()),
-        real=problem.beam.grid.real,
-        iterations=iterations,
-        qp_solver=qp_solver,
-    )
-
-
-def _gram(problem: WindowProblem) -> ca.Function:
-    """JᵀJ of the residual of one sample."""
-    f = problem.residual
-    symbols = [ca.MX.sym(key, *f.size_in(key)) for key in f.name_in()]
-    jacobian = ca.jacobian(f(*symbols), symbols[0])
-    return ca.Function(f"{problem.name}_gram", symbols, [jacobian.T @ jacobian])
-
-
-def arrival_function(problem: WindowProblem) -> ca.Function:
-    """(x̄, factor of P̄, node_0, its sample) -> the same of the next window, filtered.
-
-    The sample, linearized at the node, corrects x̄ and P̄ row by row; then a step of the process.
-    The unknowns stand before the state, where leaving them out marginalizes.
-    """
-    f, size, other = problem.residual, problem.size, problem.node.size - problem.size
-    mean, factor = ca.MX.sym("mean", size), ca.MX.sym("factor", ca.Sparsity.upper(size))
-    symbols = [ca.MX.sym(key, *f.size_in(key)) for key in f.name_in()]
-    node = symbols[0]
-    state, unknown = node[:size], node[size:]
-    residual = f(*symbols)
-    slope = ca.jacobian(residual, node)
-    rows = ca.densify(ca.horzcat(slope[:, size:], slope[:, :size]).T)
-
-    variances = np.concatenate([np.zeros(0), *problem.unknown.values()]) ** 2
-    both = ca.diagcat(ca.MX(ca.diag(ca.DM(variances))), factor)
-    after = ca.project(both, ca.Sparsity.upper(both.shape[0]))
-    error = ca.vertcat(-unknown, mean - state)
-    measure = ud.measure(problem.node.size, np.inf)
-    for k in range(residual.shape[0]):
-        error, after, *_ = measure(error, after, rows[:, k], residual[k], 1, 1)
-    predict = predict_function(f"{problem.name}_predict", problem.process)
-    outputs = predict(state + error[other:], after[other:, other:], problem.dt)
-    return ca.Function(
-        f"{problem.name}_arrival", [mean, factor, *symbols], [*outputs], {"cse": True}
-    )
-
-
-def information_root(size: int) -> ca.Function:
-    """factor of P = U D Uᵀ -> M = D^{-1/2} U⁻¹, upper triangular, with MᵀM = P⁻¹."""
-    factor = ca.SX.sym("factor", ca.Sparsity.upper(size))
-    root = ca.SX(factor.sparsity())
-    for i in range(size):
-        root[i, i] = 1 / ca.sqrt(factor[i, i])
-        for j in range(i + 1, size):
-            root[i, j] = -sum(root[i, k] * factor[k, j] for k in range(i, j))
-    return ca.Function("information_root", [factor], [root], {"cse": True})
-
-
-def step_function(problem: WindowProblem, iterations: int | None, qp_solver: str) -> ca.Function:
-    """What `ShapeMhe.step` is."""
-    size, nodes = problem.size, problem.nodes
-    inputs = {
-        "arrival_mean": ca.MX.sym("arrival_mean", size),
-        "arrival_factor": ca.MX.sym("arrival_factor", ca.Sparsity.upper(size)),
-        "measured": ca.MX.sym("measured", problem.channels.layout.size, nodes),
-        "guess": ca.MX.sym("guess", problem.node.size, nodes),
-    }
-    known = {key: ca.MX.sym(key, r, c * nodes) for key, (r, c) in problem.known_shapes.items()}
-    mean, factor, measured, guess = inputs.values()
-    clean = samples_function(problem.sensors)
-    pairs = [clean(sample) for sample in ca.horzsplit(measured)]
-    samples, seen = (ca.horzcat(*columns) for columns in zip(*pairs, strict=True))
-    data = {"samples": samples, "seen": seen, **known}
-
-    solver = window_solver(problem, iterations, qp_solver)
-    root = information_root(size)(factor)
-    parameters = ca.veccat(mean, root.nz[:], *data.values())
-    found, violation, stationarity = solver(ca.vec(guess), parameters)
-    window = ca.reshape(found, problem.node.size, nodes)
-    states, last = window[:size, :], window[:, -1]
-    after = arrival_function(problem)(mean, factor, window[:, 0], *problem.by_node(data)[0])
-    ahead = ca.vertcat(ca.DM(ca.sparsify(ca.DM(problem.transition))) @ last[:size], last[size:])
-    outputs = {
-        "state": last[:size],
-        "states": states,
-        "arrival_mean_after": after[0],
-        "arrival_factor_after": after[1],
-        "guess_after": ca.horzcat(window[:, 1:], ahead),
-        "violation": violation / TOLERANCES[problem.beam.grid.real].limit,
-        "stationarity": stationarity,
-    }
-    arguments = {**inputs, **known}
-    return ca.Function(
-        problem.name, [*arguments.values()], [*outputs.values()], [*arguments], [*outputs]
-    )

@@ -30,6 +30,7 @@ from curvcasadi.shape import Shape, curvature, poses
 #: Probability of the residual below which other starts are tried.
 _SUSPECT = 1e-6
 _FURTHER_STARTS = 8
+_ALIKE = 3
 #: Curvature of a loss along a residual, over that across it, that a step relies on at least.
 _LEAST_CURVATURE = 0.01
 
@@ -55,7 +56,7 @@ def fit_shape(
     over the sensors i with m_i readings each, within `Beam.weight_bounds`; the residual of an
     attitude is log(R_measuredᵀ R). Gauss–Newton with the structured derivatives, damped where a
     step disappoints; what the sensors do not see stays where it started. If χ² or the descent is
-    suspect, eight further starts are tried, and the best fit is returned.
+    suspect, up to eight further starts are tried, and the best fit is returned.
 
     Parameters
     ----------
@@ -190,21 +191,24 @@ class _Problem:
 
 
 def _best(problem: _Problem, start: Array) -> tuple[Minimum, int]:
-    """The best of the fits from `start` and, where it is suspect, from random shapes."""
+    """The best of the fits from `start` and, where it is suspect, from random shapes.
+
+    A suspect minimum that three starts have led to is taken for the best.
+    """
     bounds, length = problem.beam.bounds, problem.length
-    best = minimize(problem.linearize, start, bounds, length)
-    iterations = best.iterations
     lower, upper = (np.clip(side, -1 / length, 1 / length) for side in bounds)
     random = np.random.default_rng(0)
     readings = problem.groups.size
-    for _ in range(_FURTHER_STARTS):
-        if best.converged and chi2.sf(2 * best.cost, readings) > _SUSPECT:
+    found = [minimize(problem.linearize, start, bounds, length)]
+    while len(found) <= _FURTHER_STARTS:
+        best = min(found, key=lambda m: (not m.converged, m.cost))
+        alike = [m for m in found if m.converged and m.cost <= best.cost * (1 + 1e-6)]
+        trusted = chi2.sf(2 * best.cost, readings) > _SUSPECT
+        if best.converged and (trusted or len(alike) >= _ALIKE):
             break
-        other = minimize(problem.linearize, random.uniform(lower, upper), bounds, length)
-        iterations += other.iterations
-        if (other.converged, -other.cost) > (best.converged, -best.cost):
-            best = other
-    return best, iterations
+        found.append(minimize(problem.linearize, random.uniform(lower, upper), bounds, length))
+    best = min(found, key=lambda m: (not m.converged, m.cost))
+    return best, sum(m.iterations for m in found)
 
 
 def _result(problem: _Problem, best: Minimum, iterations: int) -> ShapeFit:

@@ -25,7 +25,6 @@ from curvcasadi.estimation.sensor_model import (
 from curvcasadi.estimation.shape_fit import ShapeFit, fit_message
 from curvcasadi.expressions import AnyExpr, Array, Number, choice, expression, positive
 from curvcasadi.sensors import RootMotion, Sensor
-from curvcasadi.shape import Shape, curvature, poses
 
 #: Probability of the residual below which other starts are tried.
 _SUSPECT = 1e-6
@@ -246,7 +245,7 @@ def _result(problem: _Problem, best: Minimum, iterations: int) -> ShapeFit:
     )
     return ShapeFit(
         q=ca.DM(q),
-        shape=_shape(beam, ca.DM(q)),
+        beam=beam,
         covariance=known.covariance(information + prior_slope.T @ prior_slope),
         information=information,
         rank=seen.rank,
@@ -262,17 +261,6 @@ def _result(problem: _Problem, best: Minimum, iterations: int) -> ShapeFit:
         converged=best.converged and not too_bent,
         iterations=iterations,
         message=message,
-        labels=beam.basis.labels,
-    )
-
-
-def _shape(beam: Beam, q: ca.DM) -> Shape:
-    """The shape at weights that may bend elements too far."""
-    stations = beam.stations.tolist()
-    return Shape(
-        stations=beam.stations,
-        poses=tuple(poses(beam, q, stations)),
-        curvatures=ca.horzcat(*(curvature(beam, q, xi) for xi in stations)),
     )
 
 

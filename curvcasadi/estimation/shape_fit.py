@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
+from curvcasadi.beam import Beam
 from curvcasadi.estimation.observability import Observability
 from curvcasadi.expressions import Array
 from curvcasadi.sensors import Channels
-from curvcasadi.shape import Shape
+from curvcasadi.shape import Shape, curvature, poses
 
 #: Probability below which the message calls χ² too large, or too small.
 _UNLIKELY = 1e-3
@@ -23,8 +25,8 @@ _LIGHT = 0.5
 class ShapeFit:
     """Weights of maximum likelihood, what is known of them, and what is not."""
 
+    beam: Beam  #: that was fitted
     q: ca.DM  #: (n, 1), rad/m
-    shape: Shape  #: the shape at `q`
     #: (n, n), (rad/m)², prior included: the inverse of the information matrix. A weight that is not
     #: seen has an infinite variance and NaN for covariances
     covariance: Array
@@ -43,7 +45,21 @@ class ShapeFit:
     converged: bool
     iterations: int  #: Gauss–Newton steps, of all starts
     message: str  #: in words: whether the readings fit, and what is not seen
-    labels: tuple[str, ...]  #: of the weights
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Of the weights."""
+        return self.beam.basis.labels
+
+    @cached_property
+    def shape(self) -> Shape:
+        """The shape at `q`, which may bend elements too far if the fit has not converged."""
+        stations = self.beam.stations
+        return Shape(
+            stations=stations,
+            poses=tuple(poses(self.beam, self.q, stations.tolist())),
+            curvatures=ca.horzcat(*(curvature(self.beam, self.q, xi) for xi in stations)),
+        )
 
     @property
     def deviations(self) -> Array:

@@ -50,7 +50,9 @@ exit codes: 0; 2 after an error in the input; 130 after Ctrl-C.
 """
 
 #: Most samples that a figure keeps, and seconds between writes.
-MOST_SAMPLES, BETWEEN_WRITES = 4000, 0.5
+MOST_SAMPLES, BETWEEN_WRITES = 2000, 0.5
+#: Largest entry of Rᵀ R − I of what counts as a rotation: two digits are enough.
+ROTATION_TOLERANCE = 0.03
 MOST_WAITING = 256  #: lines that are written together
 FIGURES = (".png", ".pdf", ".svg")
 
@@ -179,8 +181,11 @@ def _lines(path: Path) -> Iterator[Callable[[str], None]]:
             # Forgotten before they are written: none comes twice if this is interrupted.
             block = "".join(waiting).encode()
             waiting.clear()
-            while block:
-                block = block[file.write(block) :]
+            try:
+                while block:
+                    block = block[file.write(block) :]
+            except OSError as error:
+                raise type(error)(error.errno, error.strerror, str(path)) from None
             written = time.monotonic()
 
         def write(line: str) -> None:
@@ -222,12 +227,15 @@ class _Estimation:
         names = wing.columns.inputs
         self._known = np.full(len(names), np.nan)
         self._places = {key: [names.index(n) for n in INPUT_COLUMNS[key]] for key in wing.inputs}
+        self._attitudes = _attitudes(wing)
         self._form = ",".join(["%.9g"] * len(columns))
         self._lower, self._upper = wing.beam.bounds
 
     def step(self, row: LogRow) -> str:
         """The line of the output."""
         stepper, values = self._stepper, np.array(row.values)
+        for where in self._attitudes:
+            self._check_attitude(row, where, values[where])
         if self._known.size:
             self._know(row, values[: self._known.size])
             values = values[self._known.size :]
@@ -237,7 +245,7 @@ class _Estimation:
         if not np.isfinite(stepper.shown).all():
             raise ValueError(
                 f"{self._log}: line {row.line}: expected an estimate, found one that is no "
-                "number: check the units of the log, and noise, density and deviation"
+                "number: check the units of the log, time in s, and noise, density and deviation"
             )
         self.time = row.time
         self.count += 1
@@ -246,6 +254,18 @@ class _Estimation:
         self.tally.add(values, stepper.innovation, stepper.used)
         self.history.add(row.time, stepper.shown)
         return f"{row.time!r},{self._form % (*stepper.shown,)}"
+
+    def _check_attitude(self, row: LogRow, where: slice, entries: Array) -> None:
+        matrix = entries.reshape(3, 3)  # its transpose: entries stand by columns
+        if np.isnan(matrix).any():
+            return
+        error = np.abs(matrix @ matrix.T - np.eye(3)).max()
+        if error > ROTATION_TOLERANCE or np.linalg.det(matrix) < 0:
+            names = [*self._wing.columns.inputs, *self._wing.columns.values][where]
+            raise ValueError(
+                f"{self._log}: line {row.line}, columns {names[0]} to {names[-1]}: expected a "
+                f"rotation matrix by columns, found {entries.tolist()}"
+            )
 
     def _know(self, row: LogRow, given: Array) -> None:
         """Motion of the root keeps its last value."""
@@ -258,6 +278,12 @@ class _Estimation:
             )
         for key, places in self._places.items():
             self._stepper.inputs[key][:] = self._known[places]
+
+
+def _attitudes(wing: EstimationFile) -> list[slice]:
+    """Where rows of a log hold the nine entries of rotation matrices."""
+    names = [*wing.columns.inputs, *wing.columns.values]
+    return [slice(k, k + 9) for k, name in enumerate(names) if name.endswith("R_xx")]
 
 
 def _plot(path: Path, beam: Beam, series: dict[str, Array]) -> None:

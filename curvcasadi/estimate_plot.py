@@ -49,13 +49,22 @@ def _draw_column(
     for axes, (label, panel) in zip(all_axes, panels.items(), strict=True):
         _draw(axes, series, panel, colors)
         axes.set_ylabel(label)
-        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
+        if len(panel) > 1:
+            _legend(axes)
     for name in names:
         deviation = BAND * series[f"std_{name}"]
         if (deviation > 0).any():
             last.semilogy(series["time"], deviation, color=colors[name], linewidth=1.0)
+    alone = [label for panel in panels.values() if len(panel) == 1 for label in panel]
+    if alone:
+        _legend(last, [axes.lines[0] for axes in all_axes if len(axes.lines) == 1], alone)
     last.set(ylabel=rf"$3\sigma$ [{unit}]", xlabel="time [s]")
     last.grid(color="0.9")
+
+
+def _legend(axes: Any, *entries: Any) -> None:
+    place = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
+    axes.legend(*entries, **place, fontsize="small", frameon=False)
 
 
 def _draw(

@@ -78,16 +78,20 @@ def read_log(
 def _log(path: Path, raw: bytes, columns: list[str]) -> _Log:
     text = _text(path, 1, raw.removeprefix(b"\xef\xbb\xbf"))
     header = [name.strip() for name in _cells(text)]
-    expected = f"expected a header that names the columns {','.join(columns)}"
+    fault = CsvTable(path, header, []).faults(columns)
     if not text.strip():
-        raise ValueError(f"{path}: line 1: {expected}; found an empty line or file")
-    for separator, name in {";": "semicolons", "\t": "tabs"}.items():
-        if len(header) < len(columns) <= len(text.split(separator)):
-            raise ValueError(f"{path}: line 1: expected commas between columns, found {name}")
-    if all(_is_number(name) for name in header):
-        raise ValueError(f"{path}: line 1: {expected}; found only numbers")
-    if faults := CsvTable(path, header, []).faults(columns):
-        raise ValueError(f"{path}: line 1: {expected}; found {faults}")
+        fault = "an empty line or file"
+    elif all(_is_number(name) for name in header):
+        fault = "only numbers"
+    elif len(header) < len(columns) == len(text.split(";")):
+        fault = "semicolons between them: write commas, and points in numbers"
+    elif len(header) < len(columns) == len(text.split("\t")):
+        fault = "tabs between them: write commas"
+    if fault:
+        raise ValueError(
+            f"{path}: line 1: expected names of columns, found {fault}; all columns expected: "
+            f"{','.join(columns)}"
+        )
     return _Log(path, header, [header.index(name) for name in columns], len(raw))
 
 
@@ -97,6 +101,8 @@ def _rows(file: BufferedReader, log: _Log, warn: Callable[[str], None]) -> Itera
         while raw := file.readline(LONGEST_LINE):
             line, end = line + 1, end + len(raw)
             if (fault := _cut(log, raw)) and not file.peek(1):
+                if before == -math.inf:
+                    raise log.error(line, f"{fault}, and no sample before")
                 warn(
                     f"{log.path}: line {line}: {fault}; the last line is left out, as it seems cut "
                     "off: if it is whole, end it with a line end"
@@ -184,5 +190,6 @@ def _check_time(log: _Log, line: int, time: float, before: float) -> None:
     if not time > before:
         if math.isnan(time):
             raise log.error(line, "expected a time, s, found a missing one", log.order[0])
+        found = f"found {time!r}: sort the lines by time, each time once"
         expected = f"expected above {before!r} s, the time of the sample before"
-        raise log.error(line, f"{expected}, found {time!r}", log.order[0])
+        raise log.error(line, f"{expected}, {found}", log.order[0])

@@ -80,6 +80,7 @@ def export_c(
         )
         for f in exports
     ]
+    wrappers.refuse_clashes(wrapped)
     fields = {
         "NAME": name,
         "PREFIX": name.upper(),

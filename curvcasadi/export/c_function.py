@@ -49,7 +49,8 @@ TAKEN = frozenset(
     union unsigned void volatile while main printf abs acos asin atan atan2 ceil cos cosh div
     erf exp exp2 expm1 fabs floor fma fmax fmin fmod frexp gamma hypot index isfinite isinf
     isnan ldexp lgamma log log10 log1p log2 modf nan pow round signbit sin sinh sqrt tan tanh
-    tgamma time trunc y0 y1 j0 j1 memset real_t all_finite all_within none_infinite""".split()
+    tgamma time trunc y0 y1 j0 j1 memset real_t all_finite all_within none_infinite
+    DBL_MAX FLT_MAX HUGE_VAL INFINITY LARGEST NAN NULL UNTOUCHED""".split()
 )
 
 
@@ -124,7 +125,7 @@ def c_functions(functions: Any, beam: Beam | None) -> list[CFunction]:
     if len(set(names)) < len(names):
         raise ValueError(f"functions: expected different names, found {names}")
     for f in exported:
-        if f.name in TAKEN or f.name.startswith("check_"):
+        if f.name in TAKEN | {"status"} or f.name.startswith("check_"):
             raise ValueError(
                 "functions: expected names other than C's keywords, those of its library and those "
                 f"of the check program, found {f.name!r}"

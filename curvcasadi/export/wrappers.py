@@ -72,6 +72,32 @@ def angle_functions(exports: Iterable[CFunction]) -> dict[Beam, ca.Function]:
     return functions
 
 
+def refuse_clashes(wrappers: Iterable[Wrapper]) -> None:
+    """Raise where C would have one name for two functions, inputs or outputs."""
+    owners: dict[str, str] = {}
+    macros: dict[str, tuple[str, int]] = {}
+    for w in wrappers:
+        name = w.export.name
+        for public in (name, f"{name}_with", f"{name}_out", f"{name}_work", f"casadi_{name}"):
+            _only("names", public, name, owners.setdefault(public, name))
+        for side in (w.inputs, w.outputs):
+            members: dict[str, str] = {}
+            for key, c, _ in side:
+                _only(f"inputs and outputs of {name!r}", c, key, members.setdefault(c, key))
+        for key, c, size in w.inputs:
+            macro, of = f"{name}_N_{c}".upper(), f"{name}.{key}"
+            other, other_size = macros.setdefault(macro, (of, size))
+            if size != other_size:
+                _only("names", macro, of, other)
+
+
+def _only(what: str, c: str, name: str, other: str) -> None:
+    if name != other:
+        raise ValueError(
+            f"functions: expected {what} that differ in C, found {other!r} and {name!r}, both {c!r}"
+        )
+
+
 def declaration(wrapper: Wrapper) -> str:
     """What a caller sees: words, sizes, output, buffers and both forms of the call."""
     export, name = wrapper.export, wrapper.name

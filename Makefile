@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test target-test benchmarks figures clean
+.PHONY: demo test target-test fault-test benchmarks figures clean
 
 demo: $(VENV)/installed
 	@command -v gcc >/dev/null || { echo "make demo compiles C: gcc is missing (Debian: apt-get install gcc)"; exit 1; }
@@ -22,6 +22,9 @@ test: $(VENV)/installed-test
 target-test: $(VENV)/installed-test
 	$(BIN)/python -m codegen.target
 	$(BIN)/python -m codegen.firmware.run
+
+fault-test: $(VENV)/installed-test
+	$(BIN)/python -m codegen.faults
 
 benchmarks: $(VENV)/installed-test
 	$(BIN)/python -m benchmarks

@@ -1,0 +1,279 @@
+"""What do exported functions make of inputs that are wrong, or far from what is usual?
+
+    python -m codegen.faults [--calls 1.0] [--seed 0] [--out out/faults]
+
+Builds the functions of `codegen/faults/functions.py` for this machine, in both precisions and with
+AddressSanitizer and UndefinedBehaviorSanitizer, calls them at random inputs, ordinary and strange,
+and prints how their calls ended. Fails where one crashes or traps, writes its outputs in spite of
+a status, refuses or accepts what it should not, leaves ordinary problems unsolved, or says OK to
+a result that is not right; and where two threads on their own buffers disturb each other.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+import curvcasadi as cc
+from codegen.faults import inputs as faulty
+from codegen.faults.functions import CASES, REALS, Case, export
+
+CALLS_C = Path(__file__).with_name("calls.c")
+STANDARD = ("-std=c99", "-D_POSIX_C_SOURCE=200809L")
+MEMORY = (
+    "-fsanitize=address,undefined,float-cast-overflow",
+    "-fno-sanitize-recover=all",
+    "-fno-omit-frame-pointer",
+)
+RACES = ("-fsanitize=thread",)
+STATUSES = ("OK", "INFEASIBLE", "NOT_CONVERGED", "BAD_INPUT")
+OK, BAD_INPUT = STATUSES.index("OK"), STATUSES.index("BAD_INPUT")
+CHECKED = 300  #: calls of each function and precision whose results are compared
+THREADED = 200  #: calls of each function by two threads
+SECONDS = 600  #: that a program may take
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """How the calls of one function ended."""
+
+    case: Case
+    real: str
+    statuses: Any  #: of every call
+    checked: int  #: results that were compared
+    seconds: float
+    wrong: list[str]
+
+
+def build(real: str, sanitizers: Sequence[str], program: Path) -> Path:
+    """`program`, that calls the functions of the export in its folder."""
+    folder = program.parent
+    run(
+        [
+            *("gcc", *STANDARD, "-O1", "-g"),
+            *("-fno-var-tracking-assignments", *sanitizers, f"-I{folder}"),
+            *(str(folder / "curv.c"), str(folder / "curv_functions.c"), str(CALLS_C)),
+            *("-o", str(program), "-pthread", "-lm"),
+        ]
+    )
+    return program
+
+
+def cases_header(real: str) -> str:
+    """A table of the functions, for calls.c."""
+    lines, rows = [], []
+    for case in CASES:
+        f, name = case.exported(real).function, f"curv_{case.name}"
+        sizes = [f.nnz_in(k) for k in range(f.n_in())]
+        arguments = ", ".join(f"in[{k}]" for k in range(f.n_in()))
+        lines += [
+            f"static curv_status call_{case.name}(real_t *const *in, void *work, void *out) {{",
+            f"  return work ? {name}_with(work, {arguments}, out) : {name}({arguments}, out);",
+            "}",
+        ]
+        rows.append(
+            f'  {{"{case.name}", {f.n_in()}, {{{", ".join(map(str, sizes))}}}, '
+            f"sizeof({name}_out), sizeof({name}_work), call_{case.name}}},"
+        )
+    return "\n".join([*lines, "static const function_case cases[] = {", *rows, "};", ""])
+
+
+def bounds(case: Case) -> dict[str, tuple[Any, Any]]:
+    """Of the inputs that hold weights with bounds."""
+    return dict.fromkeys(case.weights, case.beam("double").bounds) if case.bounded else {}
+
+
+def call_all(case: Case, real: str, program: Path, calls: int, seed: int) -> Outcome:
+    """Call one function `calls` times and judge what it says."""
+    random = np.random.default_rng([seed, *case.name.encode()])
+    kinds = faulty.draw(random, calls)
+    ordinary = case.ordinary(case.beam(real), random, calls)
+    given = faulty.spoil(random, kinds, ordinary, bounds(case), REALS[real])
+    every = max(1, calls // (8 * CHECKED))
+    written, results = program.with_name(f"{case.name}.in"), program.with_name(f"{case.name}.out")
+    _write(written, given)
+    begun = time.monotonic()
+    run([str(program), case.name, str(calls), str(every), str(written), str(results)])
+    seconds = time.monotonic() - begun
+    statuses, rows, outputs = _read(results, case, real, calls, every)
+    written.unlink()
+    results.unlink()
+
+    wrong = _wrong_statuses(case, real, kinds, given, statuses)
+    ok = [k for k, row in enumerate(rows) if statuses[row] == OK][:CHECKED]
+    for k in ok:
+        of_call = {key: values[rows[k]].astype(float) for key, values in given.items()}
+        found = case.check(real, of_call, {key: v[k].astype(float) for key, v in outputs.items()})
+        if found:
+            kind = list(faulty.KINDS)[kinds[rows[k]]]
+            wrong.append(f"OK, but {found} (call {rows[k]}, {kind})")
+    return Outcome(
+        case=case, real=real, statuses=statuses, checked=len(ok), seconds=seconds, wrong=wrong
+    )
+
+
+def _write(path: Path, given: dict[str, Any]) -> None:
+    np.ascontiguousarray(np.hstack([*given.values()])).tofile(path)
+
+
+def _read(path: Path, case: Case, real: str, calls: int, every: int) -> tuple[Any, Any, Any]:
+    """Statuses of all calls, the calls with outputs, and these by name."""
+    f, kind = case.exported(real).function, np.dtype(REALS[real])
+    sizes = [f.nnz_out(k) for k in range(f.n_out())]
+    width = sum(sizes) * kind.itemsize
+    rows = np.arange(0, calls, every)
+    text = np.frombuffer(path.read_bytes(), dtype=np.uint8)
+    places = np.arange(calls) + (np.arange(calls) + every - 1) // every * width
+    outs = text[(places[rows] + 1)[:, None] + np.arange(width)]
+    values = np.split(np.ascontiguousarray(outs).view(kind), np.cumsum(sizes)[:-1], axis=1)
+    return text[places], rows, dict(zip(f.name_out(), values, strict=True))
+
+
+def _wrong_statuses(case: Case, real: str, kinds: Any, given: Any, statuses: Any) -> list[str]:
+    """What is refused or accepted without reason, and ordinary problems left unsolved."""
+    bad, unclear = faulty.bad(given, bounds(case)), np.zeros(len(statuses), dtype=bool)
+    if not case.bounded:
+        turned = _angles(case.beam(real), given["q"])
+        bad, unclear = bad | ~(turned <= 1), np.abs(turned - 1) < 1e-5
+    wrong = []
+    refused = statuses == BAD_INPUT
+    for what, of in (("refused good", refused & ~bad), ("accepted bad", ~refused & bad)):
+        calls = np.flatnonzero(of & ~unclear)
+        if calls.size:
+            wrong.append(f"{what} input {calls.size} times, first in call {calls[0]}")
+    solved = np.mean(statuses[(kinds == 0) & ~bad] == OK)
+    if solved < case.solved:
+        wrong.append(f"solved {solved:.4f} of ordinary problems, expected {case.solved}")
+    if not case.exported(real).is_solver and np.any((statuses != OK) & ~refused):
+        wrong.append("a map has a status of solvers")
+    return wrong
+
+
+def _angles(beam: cc.Beam, q: Any) -> Any:
+    """Largest squared angle of an element over what is allowed, for each row of weights."""
+    symbol = ca.MX.sym("q", beam.basis.n)
+    largest = ca.mmax(cc.squared_element_angles(beam, symbol)) / beam.grid.max_angle**2
+    function = ca.Function("angles", [symbol], [largest]).expand()
+    with np.errstate(over="ignore"):
+        return function.map(len(q))(q.T.astype(float)).full().ravel()
+
+
+def call_by_threads(case: Case, real: str, program: Path) -> None:
+    """Call one function by one thread, and by two at once on buffers of their own."""
+    random = np.random.default_rng(1)
+    ordinary = case.ordinary(case.beam(real), random, THREADED)
+    written = program.with_name(f"{case.name}.threads")
+    _write(written, {key: values.astype(REALS[real]) for key, values in ordinary.items()})
+    run([str(program), case.name, str(THREADED), "threads", str(written)])
+    written.unlink()
+
+
+def run(command: Sequence[str]) -> str:
+    """Output of a program.
+
+    Raises
+    ------
+    RuntimeError
+        If it fails, with the first lines that it said.
+    """
+    quiet = {"ASAN_OPTIONS": "detect_leaks=0", "TSAN_OPTIONS": "halt_on_error=1"}
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+        timeout=SECONDS,
+        env={**os.environ, **quiet},
+    )
+    if done.returncode:
+        said = "\n".join((done.stderr + done.stdout).strip().splitlines()[:12])
+        raise RuntimeError(f"{' '.join(command[:3])} … ended with {done.returncode}:\n{said}")
+    return done.stdout
+
+
+def table(outcomes: Sequence[Outcome]) -> str:
+    """One line a function and precision."""
+    rows = [["function", "real", "calls", *STATUSES, "checked", "s"]]
+    for x in outcomes:
+        counts = [np.sum(x.statuses == k) for k in range(len(STATUSES))]
+        cells = [len(x.statuses), *counts, x.checked, round(x.seconds)]
+        rows.append([x.case.name, x.real, *(f"{cell:,}".replace(",", " ") for cell in cells)])
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return "\n".join(
+        "  ".join(
+            cell.ljust(width) if i < 2 else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
+    )
+
+
+def faults(out: Path, calls: float, seed: int, pool: ThreadPoolExecutor) -> tuple[list, list[str]]:
+    """(outcomes, what is wrong) of all functions in both precisions."""
+    for real in REALS:
+        export(real, out / real)
+        (out / real / "cases.h").write_text(cases_header(real))
+    programs = dict(
+        zip(REALS, pool.map(lambda r: build(r, MEMORY, out / r / "memory"), REALS), strict=True)
+    )
+    racing = pool.submit(build, "float", RACES, out / "float" / "races")
+    tasks = {
+        (case, real): pool.submit(
+            call_all, case, real, programs[real], max(1, round(calls * case.calls)), seed
+        )
+        for case in sorted(CASES, key=lambda case: "path" not in case.name)  # the longest first
+        for real in REALS
+    }
+    wrong, outcomes = [], []
+    for case in CASES:
+        for real in REALS:
+            try:
+                outcome = tasks[case, real].result()
+            except (RuntimeError, subprocess.TimeoutExpired) as error:
+                wrong.append(f"{case.name}, {real}: {error}")
+                continue
+            outcomes.append(outcome)
+            more = len(outcome.wrong) - 5
+            wrong += [f"{case.name}, {real}: {line}" for line in outcome.wrong[:5]]
+            wrong += [f"{case.name}, {real}: and {more} more"] if more > 0 else []
+    for case in CASES:
+        try:
+            call_by_threads(case, "float", racing.result())
+        except (RuntimeError, subprocess.TimeoutExpired) as error:
+            wrong.append(f"{case.name}, two threads: {error}")
+    return outcomes, wrong
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--calls", type=float, default=1.0, help="times the usual number of calls")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, default=Path("out/faults"), metavar="FOLDER")
+    options = parser.parse_args()
+
+    if shutil.which("gcc") is None:
+        print("gcc is missing (Debian: apt-get install gcc)", file=sys.stderr)
+        return 2
+    with ThreadPoolExecutor(2) as pool:
+        outcomes, wrong = faults(options.out, options.calls, options.seed, pool)
+    print("Calls with ordinary and strange inputs, and how they ended:\n")
+    print(table(outcomes))
+    print("\n".join(["", "Wrong:", *wrong]) if wrong else "\nNo fault; two threads agree with one.")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

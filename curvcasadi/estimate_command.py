@@ -24,9 +24,20 @@ from curvcasadi.sensor_log import LogRow, read_log
 from curvcasadi.sensors_table import INPUT_COLUMNS, EstimationFile, load_estimation
 
 HELP = """\
-The shape of a wing along a log of its sensors, by an extended Kalman filter. The sensors are the
-tables [[sensors]] of the wing file, the filter its table [estimation]; see
-ocp_examples/hale_wing_imus.toml.
+The shape of a wing along a log of its sensors, by an extended Kalman filter.
+
+wing.toml has, besides beam, basis and grid (ocp_examples/hale_wing_imus.toml is one):
+  [[sensors]]              for each: kind, xi, and optionally name and bias
+    rate_gyro, accelerometer, magnetometer    noise_density, rate (Hz); offset, mounting
+    attitude                                  noise (rad); mounting
+    strain_gauge, shear_gauge                 noise; the former with its offset = [y, z]
+    marker, camera                            noise; offset; a camera with its pose
+  [estimation]             process = "random_walk" or "white_acceleration", density; for gyros in a
+                           random walk rate, for accelerometers acceleration and gravity; gate,
+                           iterations, attitude, root_gyro_density, gyro_bias, bias_density,
+                           magnetic_field, parent (pose), twist, twist_rate, root_inputs
+  [estimation.deviation]   standard deviations at the start: q, q_dot, attitude, gyro_bias,
+                           root_gyro_bias, as far as the filter has them; [estimation.mean] likewise
 
 log.csv: the first line names the columns, in any order:
   time                     s, increasing from line to line; steps may differ
@@ -42,7 +53,7 @@ keeps its last value. A log is read line by line, whatever its length.
 deviations std_q0, ...; q_dot0, ... and biases where the filter has them; tip_x, tip_y, tip_z (m,
 parent axes) and std_tip_x, ...; the same for --stations, as xi_0.5_x, ...
 
-A wrong line ends the command with an error; what stands before it is in the output. So it is after
+A wrong line ends the command with an error; the output has what stands before it, as it has after
 Ctrl-C. A last line that was cut off (no line end, too few cells, or half a number at the end) is
 left out with a warning, and no error.
 

@@ -62,8 +62,7 @@ class WindowProblem:
     def transition(self) -> Array:
         """F (x, x): the state a step later, undriven."""
         one = [[1.0]] if self.process.kind == "random_walk" else [[1.0, self.dt], [0.0, 1.0]]
-        transition: Array = np.kron(one, np.eye(self.process.n))
-        return transition
+        return np.asarray(np.kron(one, np.eye(self.process.n)))
 
     @property
     def noise_root(self) -> Array:
@@ -76,8 +75,7 @@ class WindowProblem:
         if self.process.kind == "white_acceleration":
             a = 12**0.5 * self.dt**-1.5
             one = [[a, -a * self.dt / 2], [0.0, self.dt**-0.5]]
-        root: Array = np.kron(one, np.diag(1 / self.process.density))
-        return root
+        return np.asarray(np.kron(one, np.diag(1 / self.process.density)))
 
     def linear_rows(self) -> ca.DM:
         """Rows, sparse: R (x_{k+1} − F x_k) of every step, and unknown/deviation of every node."""

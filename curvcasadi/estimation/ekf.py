@@ -117,7 +117,10 @@ class ShapeEkf:
         return estimate.state[offsets(self.layout)[name]]
 
     def covariance(self, estimate: Estimate, name: str) -> Array:
-        """Covariance of a part of the error state of an estimate, (size, size)."""
+        """Covariance of a part of the error state of an estimate, (size, size).
+
+        That of "q" makes standard deviations along the span by `shape_deviations`.
+        """
         where = offsets(self.error_layout)[name]
         return estimate.covariance[where, where]
 
@@ -140,7 +143,50 @@ def shape_ekf(
     iterations: int = 1,
     name: str = "ekf",
 ) -> ShapeEkf:
-    """Extended Kalman filter of curvature weights, and of what else is asked for."""
+    """Extended Kalman filter of curvature weights, and of what else is asked for.
+
+    The state is, in this order: attitude of the parent (9, R by columns; on request), q, q_dot
+    (white acceleration only), gyro_bias (three a wing gyro, in the order of `sensors`) and
+    root_gyro_bias. The error of the attitude R is a rotation vector φ on the right, R exp([φ×]),
+    parent axes; the covariance is kept as U D Uᵀ, so that it is positive definite in single
+    precision, too. Samples are used one at a time: one that is NaN or fails the gate changes
+    nothing.
+
+    What readings depend on and the state does not hold is noise that all samples of an update
+    share: q_ddot for accelerometers, and q_dot in a random walk. Its effect is not simply added to
+    the noise of each sensor: within an update it is estimated beside the state, and forgotten
+    after it. Readings are linearized at what a first pass finds of it, as J(q) q_ddot depends on
+    the shape, too. Of the derivative of accelerometers by q, the part that is quadratic in q_dot,
+    (d/dq)(dJ/dt q_dot), is left out.
+
+    Parameters
+    ----------
+    process : "random_walk" of q, or "white_acceleration" of q (state q, q_dot)
+    density : of the process noise, one number or one per weight: rad/(m √s), or of white
+        acceleration rad/(m s √s); after the time t its integral has the standard deviation
+        density √t
+    rate : standard deviation of q_dot, rad/(m s); needed by gyros and accelerometers in a random
+        walk
+    acceleration : standard deviation of q_ddot, rad/(m s²); needed by accelerometers
+    attitude : whether the parent's attitude is estimated; `predict` then takes "rate" (3, 1),
+        rad/s, the reading of a gyro at the root, root axes
+    root_gyro_density : noise of that gyro, rad/√s
+    gyro_bias : whether biases of the gyros on the wing, and of the root's, are estimated
+    bias_density : of their random walk, rad/(s √s)
+    root : numbers for what is known of the root's motion, gravity and magnetic field
+    root_inputs : what is an input of `update` instead, out of "attitude" (3, 3), "position" (3, 1),
+        "twist" (6, 1) and "twist_rate" (6, 1), as in `RootMotion`. The estimated bias of the root's
+        gyro is taken off the twist; its noise is not accounted for in the gyros on the wing
+    gate : largest innovation over its standard deviation; np.inf uses everything
+    iterations : linearizations of an update. One serves a filter that has converged; from a start
+        whose errors bend the readings (or a long gap) take five or more, in a second filter
+    name : the Functions are called <name>_predict and <name>_update
+
+    Raises
+    ------
+    ValueError
+        If something is missing that the sensors, the process or a request needs.
+    """
     instance("beam", beam, Beam)
     n = beam.basis.n
     checked = checked_sensors(sensors)
@@ -148,30 +194,33 @@ def shape_ekf(
     choice("process", process, PROCESSES)
     gyros = sum(isinstance(sensor, RateGyro) for sensor in checked)
     known = known_motion(root_inputs)
+    if attitude and "attitude" in known:
+        raise ValueError("root_inputs: expected no attitude where it is estimated, found one")
+    if gyro_bias and not (gyros or attitude):
+        raise ValueError("gyro_bias: expected a gyro on the wing or at the root, found none")
     unknown = {}
     if order >= 1 and process == "random_walk":
         unknown["q_dot"] = _deviations("rate", rate, n)
     if order == 2:
         unknown["q_ddot"] = _deviations("acceleration", acceleration, n)
-    root = instance("root", root or RootMotion(), RootMotion)
     described = Process(
         kind=process,
         density=_deviations("density", density, n),
         attitude=attitude,
         root_rotation=beam.root.rotation,
-        rate_density=root_gyro_density,
+        rate_density=_one("root_gyro_density", root_gyro_density) if attitude else None,
         biases=gyros if gyro_bias else 0,
         root_bias=gyro_bias and attitude,
-        bias_density=bias_density,
+        bias_density=_one("bias_density", bias_density) if gyro_bias else None,
     )
     observation = Observation(
         beam=beam,
         sensors=checked,
         channels=sensor_channels(checked),
-        root=root,
+        root=instance("root", root or RootMotion(), RootMotion),
         unknown=unknown,
         inputs=known,
-        gate=float(gate),
+        gate=np.inf if gate == np.inf else float(positive("gate", gate)),
         iterations=count("iterations", iterations),
     )
     function_name("name", name)
@@ -188,41 +237,79 @@ def shape_ekf(
 def run_ekf(
     ekf: ShapeEkf, start: Estimate, samples: Iterable[tuple[Any, ...]]
 ) -> Iterator[Estimate]:
-    """Estimates at the times of `samples`, (time, measured) or (time, measured, inputs by name)."""
+    """Estimates at the times of `samples`, each after its update.
+
+    Parameters
+    ----------
+    samples : (time, measured) or (time, measured, inputs): s; (m,) as in `ekf.channels`, NaN for
+        what there is no sample of; and "rate" and the `root_inputs` by name. Times may repeat.
+
+    Raises
+    ------
+    ValueError
+        If a time is before the one that precedes it, or inputs or sizes are wrong.
+    """
     at = start
     for k, (time, measured, *rest) in enumerate(samples):
         inputs: dict[str, Any] = {**rest[0]} if rest else {}
-        yield (at := _step(ekf, at, k, float(time), measured, inputs))
+        yield (at := _step(ekf, at, f"samples[{k}]", float(time), measured, inputs))
 
 
 def _step(
-    ekf: ShapeEkf, at: Estimate, k: int, time: float, measured: Any, inputs: dict[str, Any]
+    ekf: ShapeEkf, at: Estimate, where: str, time: float, measured: Any, inputs: dict[str, Any]
 ) -> Estimate:
     if not time >= at.time:
         raise ValueError(
-            f"samples[{k}]: expected a time of at least {at.time:g} s, that of the one before; "
-            f"found {time:g} s"
+            f"{where}.time: expected at least {at.time:g} s, the time before; found {time:g} s"
         )
-    rate = {"rate": inputs.pop("rate")} if "rate" in inputs else {}
-    predicted = ekf.predict(state=at.state, factor=at.factor, dt=time - at.time, **rate)
     values = np.asarray(measured, dtype=float).ravel()
-    if values.size != ekf.channels.layout.size:
-        raise ValueError(
-            f"samples[{k}]: expected {ekf.channels.layout.size} values, found {values.size}"
-        )
-    found = ekf.update(
-        state=predicted["state_after"], factor=predicted["factor_after"], measured=values, **inputs
+    size = ekf.channels.layout.size
+    if values.size != size:
+        raise ValueError(f"{where}.measured: expected {size} values, found {values.size}")
+    if np.any(np.isinf(values)):
+        raise ValueError(f"{where}.measured: expected finite values or NaN, found infinite ones")
+    needed = {*ekf.predict.name_in()[3:], *ekf.update.name_in()[3:]}
+    if set(inputs) != needed:
+        raise ValueError(f"{where}.inputs: expected {sorted(needed)}, found {sorted(inputs)}")
+    rates, motion = (
+        {
+            key: expression(f"{where}.inputs[{key!r}]", inputs[key], f.size_in(key))
+            for key in f.name_in()[3:]
+        }
+        for f in (ekf.predict, ekf.update)
     )
-    innovation, used = found["innovation"].full()[:, 0], found["used"].full()[:, 0]
+    ahead = ekf.predict(state=at.state, factor=at.factor, dt=time - at.time, **rates)
+    found = ekf.update(
+        state=ahead["state_after"],
+        factor=ahead["factor_after"],
+        measured=values,
+        **motion,
+    )
+    innovation = found["innovation"].full()[:, 0]
+    innovation[_missing(ekf.channels, values)] = np.nan
     return Estimate(
         time,
         found["state_after"].full()[:, 0],
         found["factor_after"].full(),
         innovation,
-        used,
+        found["used"].full()[:, 0],
         float(found["nis"]),
         int(found["dof"]),
     )
+
+
+def _missing(channels: Channels, values: Array) -> Array:
+    """Which residuals (r,) there is no sample of: of an attitude all three or none."""
+    parts = zip(channels.layout.parts, channels.residual_layout.parts, strict=True)
+    where, found = offsets(channels.layout), []
+    for part, residual in parts:
+        lost = np.isnan(values[where[part.name]])
+        found.append(lost if part.size == residual.size else np.full(residual.size, lost.any()))
+    return np.concatenate(found)
+
+
+def _one(name: str, value: Any) -> float:
+    return float(_deviations(name, value, 1)[0])
 
 
 def _deviations(name: str, value: Number, size: int) -> Array:

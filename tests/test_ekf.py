@@ -1,0 +1,322 @@
+"""Shape filters: consistency with the truth they assume, missing and wrong samples, C."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import oracle
+import pytest
+from numpy.testing import assert_allclose
+
+import curvcasadi as cc
+from benchmarks import estimation
+from curvcasadi.estimation import ud
+from curvcasadi.lie import so3
+
+RNG = np.random.default_rng(2)
+ROOT = cc.RootMotion(gravity=[0, 0, -9.81])
+GYRO = cc.RateGyro(xi=1.0, noise_density=1e-4, rate=100)
+ACCELEROMETER = cc.Accelerometer(xi=0.5, noise_density=2e-3, rate=100)
+ATTITUDE = cc.AttitudeSensor(xi=1.0, noise=0.01)
+MOVING = {"process": "white_acceleration", "density": 0.01, "acceleration": 0.05, "root": ROOT}
+
+
+@pytest.fixture
+def beam():
+    return cc.Beam(
+        length=4.0,
+        basis=cc.ChannelBasis(torsion=cc.Legendre(1), out_of_plane=cc.Legendre(2)),
+        grid=cc.Grid.uniform(4),
+    )
+
+
+def random_covariance(n):
+    square = RNG.normal(size=(n, n))
+    return square @ square.T + 0.1 * np.eye(n)
+
+
+def symmetric_positive_definite(covariance):
+    return np.array_equal(covariance, covariance.T) and np.linalg.eigvalsh(covariance)[0] > 0
+
+
+# Factors ---------------------------------------------------------------------------------------
+
+
+def test_a_factor_holds_its_covariance():
+    P = random_covariance(6)
+    factor = ud.factor_of(P)
+    assert_allclose(ud.covariance_of(factor), P, rtol=1e-12)  # rounding
+    assert not np.any(np.tril(factor, -1))
+
+
+def test_scalar_measurements_are_the_update_of_kalman():
+    n, rows = 6, 3
+    P, H = random_covariance(n), RNG.normal(size=(rows, n))
+    R, x, r = np.array([0.3, 0.1, 0.7]), RNG.normal(size=n), RNG.normal(size=rows)
+    f = ud.measure_rows(n, rows, np.inf)
+    error, factor, innovation, used = f(x, ud.factor_of(P), H.T, r, R, np.ones(rows))
+    S = H @ P @ H.T + np.diag(R)
+    K = P @ H.T @ np.linalg.inv(S)
+    nu = -(r + H @ x)
+    assert_allclose(error.full()[:, 0], x + K @ nu, rtol=1e-9)  # rounding
+    assert_allclose(ud.covariance_of(factor.full()), P - K @ S @ K.T, atol=1e-12)  # rounding
+    assert_allclose(ca.sumsqr(innovation), nu @ np.linalg.solve(S, nu), rtol=1e-11)  # rounding
+    assert_allclose(used, np.ones((rows, 1)), atol=0)
+
+
+@pytest.mark.parametrize(("seen", "residual"), [(0, 0.3), (1, 1e6)], ids=["missing", "outlier"])
+def test_a_sample_that_is_not_used_changes_nothing(seen, residual):
+    n = 5
+    factor, x = ud.factor_of(random_covariance(n)), RNG.normal(size=n)
+    after = ud.measure(n, 5.0)(x, factor, RNG.normal(size=n), residual, 0.1, seen)
+    assert_allclose(after[0].full()[:, 0], x, atol=0)
+    assert_allclose(after[1].full(), factor, atol=0)
+    assert float(after[3]) == 0
+
+
+def test_added_noise_adds_to_the_covariance():
+    n = 5
+    P, v = random_covariance(n), RNG.normal(size=n)
+    factor = ud.add_noise(n)(ud.factor_of(P), v, 0.4).full()
+    assert_allclose(ud.covariance_of(factor), P + 0.4 * np.outer(v, v), rtol=1e-10)  # rounding
+
+
+# Prediction ------------------------------------------------------------------------------------
+
+
+def test_white_acceleration_is_discretized_exactly(beam):
+    ekf = cc.shape_ekf(beam, [GYRO], process="white_acceleration", density=0.3)
+    start = ekf.initial({"q": 0.2, "q_dot": 0.1}, {"q_dot": [1, 2, 3]})
+    dt = 0.25
+    state, factor = ekf.predict(start.state, start.factor, dt)
+    F = np.kron([[1, dt], [0, 1]], np.eye(3))
+    Q = 0.09 * np.kron([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]], np.eye(3))
+    assert_allclose(state.full()[:, 0], F @ start.state, rtol=1e-15)
+    expected = F @ start.covariance @ F.T + Q
+    assert_allclose(ud.covariance_of(factor.full()), expected, rtol=1e-12, atol=1e-15)
+
+
+def test_two_short_predictions_are_a_long_one(beam):
+    ekf = cc.shape_ekf(beam, [GYRO], process="white_acceleration", density=0.3)
+    start = ekf.initial({"q": 0.2, "q_dot": 0.1})
+    half = ekf.predict(*ekf.predict(start.state, start.factor, 0.1), 0.1)
+    whole = ekf.predict(start.state, start.factor, 0.2)
+    covariances = [ud.covariance_of(x[1].full()) for x in (half, whole)]
+    assert_allclose(*covariances, rtol=1e-12, atol=1e-15)  # rounding
+
+
+def attitude_filter(beam, **options):
+    return cc.shape_ekf(
+        beam,
+        [ATTITUDE, GYRO],
+        process="white_acceleration",
+        density=1e-3,
+        attitude=True,
+        root_gyro_density=0.02,
+        gyro_bias=True,
+        bias_density=0.01,
+        root=ROOT,
+        root_inputs=["twist"],
+        **options,
+    )
+
+
+def test_the_attitude_error_goes_on_as_the_attitude_does(beam):
+    """Φ by differences of two attitudes and biases that turn with the same measured rate."""
+    ekf = attitude_filter(beam)
+    rate, dt, bias = np.array([0.6, -1.0, 0.4]), 0.1, np.array([0.1, 0.2, -0.1])
+    start = ekf.initial(
+        {"attitude": 0.1, "q": 0.1, "q_dot": 0.1, "gyro_bias": 0.1, "root_gyro_bias": 0.1},
+        {"attitude": oracle.rotation([0.3, 0.2, -0.7]), "root_gyro_bias": bias},
+    )
+
+    def end(phi, b):
+        C = start.state[:9].reshape(3, 3).T @ oracle.rotation(phi)
+        state = np.concatenate([C.T.ravel(), start.state[9:-3], bias + b])
+        after = ekf.predict(state, start.factor, dt, rate)[0].full()[:9, 0]
+        return after.reshape(3, 3).T
+
+    d, nominal = 1e-6, end(np.zeros(3), np.zeros(3))
+    columns = []
+    for k in range(6):
+        step = np.eye(6)[k] * d
+        columns.append(so3.log(ca.DM(nominal.T @ end(step[:3], step[3:]))).full()[:, 0] / d)
+    F = np.array(columns).T
+    both = [0, 1, 2, -3, -2, -1]
+    P = start.covariance[np.ix_(both, both)]
+    got = ud.covariance_of(ekf.predict(start.state, start.factor, dt, rate)[1].full())
+    expected = F @ P @ F.T + 0.02**2 * dt * np.eye(3)
+    assert_allclose(got[:3, :3], expected, atol=1e-7)  # differences
+    assert_allclose(nominal.T @ nominal, np.eye(3), atol=1e-14)  # rounding
+
+
+def test_a_filter_finds_attitude_and_biases(beam):
+    """Still wing, turning root: an attitude sensor, and gyros with biases."""
+    ekf = attitude_filter(beam)
+    C, rate = oracle.rotation([0.1, -0.1, 0.2]), np.array([0.2, 0.3, -0.1])
+    bias, root_bias = np.array([0.02, -0.03, 0.01]), np.array([-0.02, 0.01, 0.03])
+    start = ekf.initial(
+        {"attitude": 0.3, "q": 1e-4, "q_dot": 1e-3, "gyro_bias": 0.05, "root_gyro_bias": 0.05}
+    )
+
+    def log():
+        for k in range(1, 600):
+            attitude = C @ oracle.rotation(0.01 * k * rate)
+            measured = np.concatenate([attitude.T.ravel(), rate + bias])
+            known = np.concatenate([rate + root_bias, np.zeros(3)])
+            yield 0.01 * k, measured, {"rate": rate + root_bias, "twist": known}
+
+    *_, end = cc.run_ekf(ekf, start, log())
+    for name, true in (("gyro_bias", bias), ("root_gyro_bias", root_bias)):
+        deviation = np.sqrt(np.diag(ekf.covariance(end, name)))
+        assert np.all(np.abs(ekf.part(end, name) - true) < 3 * deviation), name
+        assert deviation.max() < 0.025, name
+    R = ekf.part(end, "attitude").reshape(3, 3).T
+    assert_allclose(R, C @ oracle.rotation(0.01 * 599 * rate), atol=0.02)  # of 0.01 rad, averaged
+
+
+# Updates ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("sensors", "model", "deviation"),
+    [
+        (estimation.IMUS, estimation.MOVING, {"q": 0.001, "q_dot": 0.01}),
+        (estimation.SLOW, estimation.CREEPING, {"q": 0.001}),
+    ],
+    ids=["white acceleration", "random walk"],
+)
+def test_errors_are_what_the_covariance_says(sensors, model, deviation):
+    runs = 40
+    found = estimation.simulate(
+        estimation.wing(), sensors, model, deviation, steps=25, iterations=3, runs=runs
+    )
+    # 99.9 % of averages of `runs` numbers; `estimation.consistency` has the 95 % of 200.
+    for values, dof in ((found.nees, len(found.truth)), (found.nis, found.dof.mean())):
+        width = 3.3 * np.sqrt(2 / (dof * runs))
+        assert abs(values[-10:].mean() / dof - 1) < width
+
+
+def test_a_filter_recovers_from_a_wrong_start():
+    beam = estimation.wing()
+    found = estimation.simulate(
+        beam,
+        estimation.IMUS,
+        estimation.MOVING,
+        {"q": 0.03, "q_dot": 0.02},
+        steps=60,
+        iterations=2,
+        first=(10, 8),
+        runs=8,
+        start=estimation.bent_start(beam, 0.3 * beam.length, 8, seed=3),
+    )
+    assert np.all(estimation.tip_ratio(beam, found) < 3)
+    assert found.tip[-1].max() < 0.1  # m, from 4.8
+
+
+def test_lost_and_wrong_samples_do_no_harm():
+    arguments = {"steps": 30, "iterations": 2, "runs": 10}
+    model, deviation = estimation.MOVING, {"q": 0.001, "q_dot": 0.01}
+    wing = estimation.wing()
+    clean = estimation.simulate(wing, estimation.IMUS, model, deviation, **arguments)
+    bad = estimation.simulate(
+        wing, estimation.IMUS, model, deviation, missing=0.2, outliers=0.01, **arguments
+    )
+    assert np.sqrt(np.mean(bad.tip**2) / np.mean(clean.tip**2)) < 1.5
+    assert 0.7 * 24 < bad.dof.mean() < 0.8 * 24
+
+
+def test_without_samples_an_update_changes_nothing(beam):
+    sensors = [GYRO, ACCELEROMETER, ATTITUDE]
+    ekf = cc.shape_ekf(beam, sensors, iterations=2, **MOVING)
+    start = ekf.initial({"q": 0.1, "q_dot": 0.1}, {"q": [0.01, 0.02, 0.03]})
+    (after,) = cc.run_ekf(ekf, start, [(0.0, np.full(15, np.nan))])
+    assert_allclose(after.state, start.state, atol=1e-17)
+    assert_allclose(after.covariance, start.covariance, rtol=1e-12)
+    assert np.all(np.isnan(after.innovation))
+    assert after.dof == 0
+
+
+def test_an_outlier_is_seen_and_not_used(beam):
+    ekf = cc.shape_ekf(beam, [GYRO], process="white_acceleration", density=0.1)
+    start = ekf.initial({"q": 0.1, "q_dot": 0.01})
+    (after,) = cc.run_ekf(ekf, start, [(0.01, [0.0, 40.0, np.nan])])
+    assert_allclose(after.used, [1, 0, 0], atol=0)
+    assert abs(after.innovation[1]) > 5
+    assert np.isnan(after.innovation[2])
+
+
+def test_an_attitude_without_one_of_its_numbers_is_missing(beam):
+    ekf = cc.shape_ekf(beam, [ATTITUDE], process="random_walk", density=0.1)
+    start = ekf.initial({"q": 0.1})
+    rotation = np.eye(3).ravel()
+    rotation[4] = np.nan
+    (after,) = cc.run_ekf(ekf, start, [(0.0, rotation)])
+    assert after.dof == 0
+    assert_allclose(after.state, start.state, atol=0)
+
+
+def test_samples_of_different_rates_are_taken_as_they_come(beam):
+    """An attitude every tenth step is an update with its rows alone."""
+    ekf = cc.shape_ekf(beam, [GYRO, ATTITUDE], process="white_acceleration", density=0.1)
+    start = ekf.initial({"q": 0.1, "q_dot": 0.1})
+    gyro, none = [0.0] * 3, [np.nan] * 9
+    log = [(0.01 * k, [*gyro, *(np.eye(3).ravel() if k % 10 == 0 else none)]) for k in range(21)]
+    dof = [at.dof for at in cc.run_ekf(ekf, start, log)]
+    assert dof == [6 if k % 10 == 0 else 3 for k in range(21)]
+
+
+def test_a_time_stamp_that_goes_back_is_refused(beam):
+    ekf = cc.shape_ekf(beam, [GYRO], process="white_acceleration", density=0.1)
+    start = ekf.initial({"q": 0.1, "q_dot": 0.1}, time=3.0)
+    log = [(3.0, np.zeros(3)), (2.9, np.zeros(3))]
+    with pytest.raises(ValueError, match=r"samples\[1\].time: expected at least 3 s.*found 2.9 s"):
+        list(cc.run_ekf(ekf, start, log))
+
+
+def test_the_covariance_of_the_shape_is_that_of_its_points(beam):
+    ekf = cc.shape_ekf(beam, [GYRO], process="white_acceleration", density=0.1)
+    start = ekf.initial({"q": 1e-4, "q_dot": 0.1}, {"q": [0.1, 0.2, -0.1]})
+    P = ekf.covariance(start, "q")
+    found = cc.shape_deviations(beam, ekf.part(start, "q"), P, [0.5, 1.0]).position
+    draws = start.state[:3, None] + 1e-4 * RNG.normal(size=(3, 4000))
+    tips = cc.tip_function(beam).map(4000)(draws)[0].full()
+    assert_allclose(found[:, 1], tips.std(axis=1), rtol=0.05)  # 1/√8000, four times
+    assert np.all(found[1:, 0] < found[1:, 1])
+
+
+# Refusals and C --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"process": "brownian"}, "process: expected one of"),
+        ({"density": -1.0}, "density: expected a number above zero"),
+        ({"density": [1.0, 2.0]}, "density: expected 1 number or 3, found 2"),
+        ({"acceleration": None}, "acceleration: expected"),
+        ({"process": "random_walk"}, "rate: expected"),
+        ({"gate": 0.0}, "gate: expected a number above zero"),
+        ({"iterations": 0}, "iterations: expected a whole number"),
+        ({"root_inputs": ["speed"]}, "root_inputs: expected names among"),
+        ({"attitude": True}, "root_gyro_density: expected"),
+        ({"gyro_bias": True}, "bias_density: expected"),
+        ({"attitude": True, "root_gyro_density": 1e-3, "root_inputs": ["attitude"]}, "attitude"),
+    ],
+)
+def test_wrong_arguments_are_refused(beam, options, message):
+    with pytest.raises(ValueError, match=message):
+        cc.shape_ekf(beam, [GYRO, ACCELEROMETER], **{**MOVING, **options})
+
+
+def test_a_start_names_what_is_missing(beam):
+    ekf = cc.shape_ekf(beam, [GYRO], process="white_acceleration", density=0.1)
+    with pytest.raises(ValueError, match="deviation: expected 'q_dot'"):
+        ekf.initial({"q": 0.1})
+    with pytest.raises(ValueError, match=r"deviation\['q'\]: expected a positive definite"):
+        ekf.initial({"q": np.zeros((3, 3)), "q_dot": 1.0})
+
+
+def test_in_single_precision_the_covariance_stays_positive_definite(tmp_path):
+    table = estimation.single_precision(steps=2000)
+    assert table.failures == 0, table.render()

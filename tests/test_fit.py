@@ -63,8 +63,8 @@ def attitudes(q, wing=WING, sensors=ATTITUDES):
 
 def noisy(exact, rng, scale=HALF_DEGREE):
     """Measurements of attitudes with noise on the right."""
-    turned = [R @ oracle.rotation(rng.normal(scale=scale, size=3)) for R in exact]
-    return np.concatenate([R.ravel(order="F") for R in turned])
+    turned = exact @ Rotation.from_rotvec(rng.normal(scale=scale, size=(len(exact), 3))).as_matrix()
+    return turned.transpose(0, 2, 1).ravel()
 
 
 # The optimum -----------------------------------------------------------------------------------
@@ -290,7 +290,7 @@ def test_a_robust_loss_survives_outliers_that_squares_do_not(loaded):
     for _ in range(50):
         wrong = exact.copy()
         out = rng.choice(10, 2, replace=False)
-        wrong[out] = [R @ oracle.rotation(rng.normal(size=3)) for R in exact[out]]
+        wrong[out] = exact[out] @ Rotation.from_rotvec(rng.normal(size=(2, 3))).as_matrix()
         measured = noisy(wrong, rng)
         for loss, found in errors.items():
             fit = cc.fit_shape(WING, sensors, measured, loss=loss)

@@ -56,7 +56,8 @@ def observability(slope: Array, length: float, labels: Sequence[str]) -> Observa
     σ L ≤ `LARGEST_DEVIATION`.
     """
     n = len(labels)
-    _, singular, rows = np.linalg.svd(np.vstack([slope * (1 / length), np.zeros((n, n))]))
+    padded = np.vstack([slope * (1 / length), np.zeros((n, n))])
+    _, singular, rows = np.linalg.svd(padded, full_matrices=False)
     rounding = _ROUNDING * max(singular[0], 1 / LARGEST_DEVIATION)
     felt = int(np.sum(singular > rounding))
     rank = int(np.sum(singular > max(1 / LARGEST_DEVIATION, rounding)))

@@ -146,7 +146,7 @@ def motion_states(
     if order == 2 and motion.q_ddot is not None:
         arguments.append(motion.q_ddot)
     step = _motion_step(beam_chain.pattern, order, len(arguments) - 1, jacobian)
-    return beam_chain.march(step, ca.vertcat(*start), *arguments)
+    return beam_chain.march(step, ca.densify(ca.vertcat(*start)), *arguments)
 
 
 def unpack_motion(state: AnyExpr, order: int) -> StationMotion:

@@ -101,8 +101,9 @@ class Readout:
         """Of each sensor its value, residual, and derivatives by what `columns` names, with sizes.
 
         With `short` the march carries no accelerations: the derivative by q of an accelerometer is
-        then without the part that is quadratic in q_dot, R^T (d/dq)(dJ/dt q_dot) relative to the
-        root, and without that of q_ddot, which `turning` gives; all else is as without it.
+        then without the part that is quadratic in q_dot, Rᵀ (d/dq)(dJ/dt q_dot) relative to the
+        root, and without that of q_ddot, which `turning` gives. All else is as without it, but for
+        the values, which are left out.
         """
         order = min(self.order, 1) if short else self.order
         states = self._states(jacobian=True, order=order)
@@ -120,10 +121,16 @@ class Readout:
                 found.append([value, value - given, *by.values()])
                 continue
             finish = derivative_function(
-                _kind(sensor), order, self.beam.basis.n, tuple(columns.items()), self._is_still
+                _kind(sensor),
+                order,
+                self.beam.basis.n,
+                tuple(columns.items()),
+                short=short,
+                still=self._is_still,
             )
             extra = [rates] if sensor.order > order else []
-            found.append([*finish(states[sensor.xi], *self._arguments(sensor), given, *extra)])
+            outputs = finish(states[sensor.xi], *self._arguments(sensor), given, *extra)
+            found.append([None, *outputs] if short else [*outputs])
         return found
 
     def turning(self, q_ddot: AnyExpr) -> dict[str, AnyExpr]:

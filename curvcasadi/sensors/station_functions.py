@@ -48,14 +48,20 @@ def value_function(kind: Any) -> ca.Function:
 
 @lru_cache(maxsize=256)
 def derivative_function(
-    kind: Any, order: int, n: int, columns: tuple[tuple[str, int], ...], still: bool = False
+    kind: Any,
+    order: int,
+    n: int,
+    columns: tuple[tuple[str, int], ...],
+    *,
+    short: bool = False,
+    still: bool = False,
 ) -> ca.Function:
     """(state, frames, mount, measured) -> value, residual, and its derivatives, one per column set.
 
     The state is that of a march of `order` with the sums of n weights. `columns` are names of what
-    is varied, with sizes; what a sensor does not depend on gives zeros. An accelerometer after a
-    march of order 1 has a further input, (q_dot, q_ddot, twist rate): see `_accelerated`; `still`
-    says that the root is at rest.
+    is varied, with sizes; what a sensor does not depend on gives zeros. With `short` there is no
+    value among the outputs. An accelerometer after a march of order 1 has a further input, (q_dot,
+    q_ddot, twist rate): see `_accelerated`; `still` says that the root is at rest.
     """
     state = ca.SX.sym("state", 12 + 6 * order + 6 * n * (order + 1))
     frames, mount = ca.SX.sym("frames", sum(_FRAMES)), ca.SX.sym("mount", _mount_size(kind))
@@ -77,7 +83,7 @@ def derivative_function(
         ca.densify(by_variation @ slopes[name]) if name in slopes else ca.SX.zeros(rows, size)
         for name, size in columns
     ]
-    outputs = [value, error, *blocks]
+    outputs = [error, *blocks] if short else [value, error, *blocks]
     return ca.Function(f"differentiate_{kind.prefix}", inputs, outputs, {"cse": True})
 
 

@@ -14,7 +14,16 @@ from importlib.metadata import PackageNotFoundError, version
 
 from tqdm import tqdm
 
-from benchmarks import accuracy, alternatives, cost, generated_c, parallel, placement, statics
+from benchmarks import (
+    accuracy,
+    alternatives,
+    cost,
+    estimation,
+    generated_c,
+    parallel,
+    placement,
+    statics,
+)
 from benchmarks.table import Table
 
 Section = Callable[[], Table]
@@ -35,6 +44,10 @@ COUNTED: tuple[Section, ...] = (
     statics.cost,
     placement.fits,
     placement.placements,
+    estimation.consistency,
+    estimation.convergence,
+    estimation.bad_data,
+    estimation.single_precision,
 )
 #: Times, which are never counted, and C that gcc takes long for.
 TIMED: tuple[Section, ...] = (

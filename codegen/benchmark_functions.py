@@ -153,6 +153,47 @@ def equilibrium_samples(beam: cc.Beam) -> dict[str, Any]:
     return {"equilibrium": [(np.zeros(beam.basis.n), force) for force in forces]}
 
 
+IMUS = tuple(
+    sensor
+    for xi in (0.25, 0.5, 0.75, 1.0)
+    for sensor in (
+        cc.RateGyro(xi=xi, noise_density=1e-4, rate=100),
+        cc.Accelerometer(xi=xi, noise_density=2e-3, rate=100),
+    )
+)
+CLAMPED = cc.RootMotion(gravity=[0, 0, -9.81])
+
+
+def shape_filter(beam: cc.Beam) -> cc.ShapeEkf:
+    """State q, q_dot; four gyros and four accelerometers."""
+    return cc.shape_ekf(
+        beam, IMUS, process="white_acceleration", density=0.01, acceleration=0.05, root=CLAMPED
+    )
+
+
+def filter_steps(beam: cc.Beam) -> list[cc.CFunction]:
+    """Predict and update. Innovations are differences over small standard deviations."""
+    ekf = shape_filter(beam)
+    return [
+        cc.CFunction(function=ekf.predict, tolerance=1e-4),
+        cc.CFunction(function=ekf.update, missing=("measured",), tolerance=1e-4),
+    ]
+
+
+def filter_samples(beam: cc.Beam) -> dict[str, Any]:
+    """Slightly wrong states of a moving wing."""
+    random, ekf = np.random.default_rng(0), shape_filter(beam)
+    predictions, updates = [], []
+    for _ in range(SAMPLES):
+        q, q_dot = random.uniform(-0.01, 0.01, 6), random.uniform(-0.01, 0.01, 6)
+        at = ekf.initial({"q": 1e-3, "q_dot": 1e-2}, {"q": q, "q_dot": q_dot})
+        q_ddot = 0.05 * random.normal(size=6)
+        read = cc.measure(IMUS, beam, q + 1e-4 * random.normal(size=6), q_dot, q_ddot, CLAMPED)
+        predictions.append((at.state, at.factor, 0.01))
+        updates.append((at.state, at.factor, read.values))
+    return {ekf.predict.name(): predictions, ekf.update.name(): updates}
+
+
 LIBRARIES = (
     Library(name="midpoint_32", beam=wing(), functions=tips),
     Library(name="midpoint_64", beam=wing(64), functions=tips),
@@ -171,6 +212,12 @@ LIBRARIES = (
     Library(name="mpc", beam=wing(), functions=tip_path, reference_inputs=tip_path_samples),
     Library(
         name="statics", beam=wing(), functions=equilibrium, reference_inputs=equilibrium_samples
+    ),
+    Library(
+        name="ekf",
+        beam=wing(16, rule="magnus4"),
+        functions=filter_steps,
+        reference_inputs=filter_samples,
     ),
 )
 

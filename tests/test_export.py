@@ -114,6 +114,18 @@ def test_the_check_program_fails_on_nan(tmp_path):
         run_check(tmp_path)
 
 
+def test_samples_that_are_missing_stand_in_the_self_test(tmp_path):
+    y = ca.SX.sym("y", 2)
+    f = ca.Function("sum", [y], [ca.sum1(ca.fmax(y, 0))], ["y"], ["total"])
+    export = cc.CFunction(function=f, missing=("y",))
+    for real in ("double", "float"):
+        export_c([export], tmp_path, real=real, reference_inputs={"sum": [[[np.nan, 2.0]]]})
+        assert "{{NAN, 2.0" in (tmp_path / "check.c").read_text()
+        assert run_check(tmp_path)["sum"] == 0  # an exact number
+    with pytest.raises(ValueError, match=r"reference_inputs\['sum'\], y: expected finite numbers"):
+        export_c([f], tmp_path, reference_inputs={"sum": [[[np.nan, 2.0]]]})
+
+
 def test_python_values_that_are_not_finite_are_refused_or_compile(tmp_path):
     x = ca.SX.sym("x")
     f = ca.Function("root", [x], [ca.sqrt(x)])

@@ -19,11 +19,12 @@ def without_null_checks(source: str) -> str:
     functions that only its own code calls.
     """
     parts = _DEFINITION.split(source)
-    used = {}
+    used: dict[str, set[str]] = {}
     for part in parts:
         if head := re.match(r"static int (casadi_f\d+)\(", part):
             used[head[1]] = set(re.findall(r"\b((?:arg|res)\[\d+\])", part))
-    sure, unsure = set(), set()
+    sure: set[str] = set()
+    unsure: set[str] = set()
     for part in parts:
         values: dict[str, str] = {}
         for found in _SET_OR_CALL.finditer(part.partition("\n")[2]):

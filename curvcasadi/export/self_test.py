@@ -159,8 +159,13 @@ def _sample(wrapper: Wrapper, values: Sequence[Any]) -> list[ca.DM]:
     kind = np.float32 if wrapper.real == "float" else float
     inputs = []
     for i, value in enumerate(values):
-        dense = expression(f"{where}, {f.name_in(i)}", value, f.size_in(i))
-        rounded = np.asarray(ca.DM(dense).full().astype(kind), dtype=float)
+        key = f.name_in(i)
+        missing = np.zeros(f.size_in(i), dtype=bool)
+        if key in wrapper.export.missing:
+            missing = np.isnan(np.reshape(value, f.size_in(i)))
+            value = np.where(missing, 0.0, np.reshape(value, f.size_in(i)))
+        dense = ca.DM(expression(f"{where}, {key}", value, f.size_in(i))).full()
+        rounded = np.where(missing, np.nan, dense.astype(kind))
         inputs.append(ca.project(ca.DM(rounded), f.sparsity_in(i)))
     return inputs
 
@@ -183,9 +188,11 @@ def _random_inputs(wrapper: Wrapper) -> list[list[Array]]:
 
 def _row(values: Iterable[float], real: str) -> str:
     suffix = "f" if real == "float" else ""
-    return "{" + ", ".join(_number(float(x)) + suffix for x in values) + "}"
+    return "{" + ", ".join(_number(float(x), suffix) for x in values) + "}"
 
 
-def _number(x: float) -> str:
+def _number(x: float, suffix: str) -> str:
+    if np.isnan(x):  # a sample that is missing
+        return "NAN"
     text = repr(x)
-    return text if "." in text or "e" in text else f"{text}.0"
+    return (text if "." in text or "e" in text else f"{text}.0") + suffix

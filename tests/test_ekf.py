@@ -12,6 +12,7 @@ import curvcasadi as cc
 from benchmarks import estimation
 from curvcasadi.estimation import ud
 from curvcasadi.lie import so3
+from curvcasadi.sensors.readout import Readout
 
 RNG = np.random.default_rng(2)
 ROOT = cc.RootMotion(gravity=[0, 0, -9.81])
@@ -173,6 +174,35 @@ def test_a_filter_finds_attitude_and_biases(beam):
         assert deviation.max() < 0.025, name
     R = ekf.part(end, "attitude").reshape(3, 3).T
     assert_allclose(R, C @ oracle.rotation(0.01 * 599 * rate), atol=0.02)  # of 0.01 rad, averaged
+
+
+# Readings --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("root", [{}, {"twist": RNG.normal(size=6), "twist_rate": np.ones(6)}])
+@pytest.mark.parametrize("speed", [0.0, 1.0])
+def test_short_derivatives_lack_what_is_quadratic_in_the_rates_alone(beam, root, speed):
+    """residual_q of an accelerometer is exact where q_dot = 0, everything else everywhere."""
+    motion = cc.RootMotion(gravity=[0.3, 0.2, 9.8], **root)
+    inputs, n = ("q", "q_dot", "q_ddot"), 3
+    offset = {"offset": [0.1, 0.2, -0.3], "mounting": oracle.rotation([0.3, 0.2, -0.9])}
+    sensor = cc.Accelerometer(xi=0.6, noise_density=1, rate=1, **offset)
+    exact = cc.measurement_function("exact", [sensor], beam, inputs, motion)
+    q, q_dot, q_ddot = (ca.MX.sym(key, n) for key in inputs)
+    measured = ca.MX.sym("measured", 3)
+    readout = Readout.of([sensor], beam, q, q_dot, q_ddot, motion)
+    name = readout.channels.layout.parts[0].name
+    [(residual, slope)] = readout.short_blocks({name: measured}, dict.fromkeys(inputs, n))
+    slope = readout.turning(q_ddot, {name: slope}, 0)[name].T
+    short = ca.Function("short", [q, q_dot, q_ddot, measured], [residual, slope])
+    at = [0.2 * RNG.normal(size=n), speed * RNG.normal(size=n), RNG.normal(size=n), np.ones(3)]
+    _, *expected = exact(*at)
+    found, slopes = (value.full() for value in short(*at))
+    expected_slopes = ca.horzcat(*expected[1:]).full()
+    columns = slice(0 if speed == 0 else n, None)
+    assert_allclose(found, expected[0].full(), atol=1e-13)  # rounding
+    assert_allclose(slopes[:, columns], expected_slopes[:, columns], atol=1e-12)  # rounding
+    assert (np.abs(slopes[:, :n] - expected_slopes[:, :n]).max() > 1e-3) == bool(speed)
 
 
 # Updates ---------------------------------------------------------------------------------------

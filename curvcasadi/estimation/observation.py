@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
-import numpy as np
 
 from curvcasadi.beam import Beam
 from curvcasadi.estimation.process import Process
@@ -67,10 +66,8 @@ class Readings:
             at = {key: unknown[n * i : n * (i + 1)] for i, key in enumerate(needed)}
         parts = self.process.state.split(self.state)
         readout = self._readout(parts, parts.get("q_dot", at.get("q_dot")))
-        turning = {}
-        if unknown is not None and "q_ddot" in at:
-            turning = readout.turning(at["q_ddot"])
-        return self._linearized(parts, readout, turning)
+        q_ddot = at.get("q_ddot") if unknown is not None else None
+        return self._linearized(parts, readout, q_ddot)
 
     def offset(self, unknown: ca.MX) -> ca.MX:
         """Unknowns at which `rows` has its residuals: readings are affine in q_ddot."""
@@ -103,40 +100,45 @@ class Readings:
         return Readout.of(sensors, beam, parts["q"], q_dot, None, root)
 
     def _linearized(
-        self, parts: Mapping[str, ca.MX], readout: Readout, turning: Mapping[str, ca.MX]
+        self, parts: Mapping[str, ca.MX], readout: Readout, q_ddot: AnyExpr | None
     ) -> list[Rows]:
         process, channels = self.process, self.observation.channels
-        columns = {key: process.n for key in ("q", "q_dot", "q_ddot")[: readout.order + 1]}
-        columns |= {"attitude": 3} if process.attitude else {}
-        columns |= {"twist": 6} if process.root_bias and "twist" in self.known else {}
-        samples, gyros = channels.layout.split(self.samples), 0
-        order = 1 if "q_dot" in self.observation.unknown else 2
-        found = []
-        noise = channels.residual_layout.split(ca.DM(channels.noise))
+        columns = {key: len(x) for key, x in self.observation.unknown.items()}
+        first = sum(columns.values()) + 3 * process.attitude
+        biases = ("gyro_bias", "root_gyro_bias")  # the last parts of the error
+        columns |= {p.name: p.size for p in process.error.parts if p.name not in biases}
+        twisted = process.root_bias and "twist" in self.known
+        columns |= {"twist": 6} if twisted else {}
+
         names = [part.name for part in channels.layout.parts]
-        blocks = readout.blocks(samples, columns, short=True)
-        for name, sensor, block in zip(names, self.observation.sensors, blocks, strict=True):
-            _, residual, *by = block
-            slopes = dict(zip(columns, by, strict=True))
-            if name in turning:
-                slopes["q"] = slopes["q"] + turning[name]
-            if "twist" in slopes:
-                slopes["root_gyro_bias"] = -slopes["twist"][:, :3]
-            if process.biases and isinstance(sensor, RateGyro):
-                place = np.zeros((3, 3 * process.biases))
-                place[:, 3 * gyros : 3 * gyros + 3] = np.eye(3)
-                residual = residual + parts["gyro_bias"][3 * gyros : 3 * gyros + 3]
-                slopes["gyro_bias"], gyros = ca.DM(place), gyros + 1
+        blocks = readout.short_blocks(channels.layout.split(self.samples), columns)
+        residuals = dict(zip(names, (residual for residual, _ in blocks), strict=True))
+        slopes = dict(zip(names, (slope for _, slope in blocks), strict=True))
+        if q_ddot is not None:
+            slopes = readout.turning(q_ddot, slopes, first)
+        noise = channels.residual_layout.split(ca.DM(channels.noise))
+        order = 1 if "q_dot" in self.observation.unknown else 2
+        found, gyros = [], 0
+        for name, sensor in zip(names, self.observation.sensors, strict=True):
+            residual, slope = residuals[name], slopes[name]
             rows = residual.shape[0]
-            sizes = {key: len(x) for key, x in self.observation.unknown.items()}
-            sizes |= {part.name: part.size for part in process.error.parts}
-            slope = [slopes.get(key, ca.DM.zeros(rows, size)) for key, size in sizes.items()]
+            by_twist = -slope[-6:-3, :] if twisted else ca.DM.zeros(3, rows)
+            stack = [slope[:-6, :] if twisted else slope]
+            if process.biases:
+                place = ca.DM.zeros(3 * process.biases, rows)
+                if isinstance(sensor, RateGyro):
+                    own = slice(3 * gyros, 3 * gyros + 3)
+                    place[own, :] = ca.DM.eye(3)
+                    residual, gyros = residual + parts["gyro_bias"][own], gyros + 1
+                stack.append(place)
+            if process.root_bias:
+                stack.append(by_twist)
             found.append(
                 Rows(
                     name=name,
                     shared=bool(self.observation.unknown) and sensor.order >= order,
                     residual=residual,
-                    slope=ca.vertcat(*(ca.densify(x).T for x in slope)),
+                    slope=ca.densify(ca.vertcat(*stack)),
                     variance=noise[name].full()[:, 0] ** 2,
                 )
             )

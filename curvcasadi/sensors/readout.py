@@ -95,23 +95,9 @@ class Readout:
                 stack.append(block)
         return {key: ca.vertcat(*stack) for key, stack in stacks.items()}
 
-    def blocks(
-        self, measured: dict[str, AnyExpr], columns: dict[str, int], *, short: bool = False
-    ) -> list[list[AnyExpr]]:
-        """Of each sensor its value, residual, and derivatives by what `columns` names, with sizes.
-
-        With `short` the march carries no accelerations: the derivative by q of an accelerometer is
-        then without the part that is quadratic in q_dot, Rᵀ (d/dq)(dJ/dt q_dot) relative to the
-        root, and without that of q_ddot, which `turning` gives. All else is as without it, but for
-        the values, which are left out.
-        """
-        order = min(self.order, 1) if short else self.order
-        states = self._states(jacobian=True, order=order)
-        rates = ca.DM()
-        if short and self.order == 2:
-            zero = ca.DM.zeros(self.beam.basis.n)
-            motion = (self.motion.q_dot, self.motion.q_ddot)
-            rates = ca.vertcat(*(zero if x is None else x for x in motion), self.root.twist_rate)
+    def blocks(self, measured: dict[str, AnyExpr], columns: dict[str, int]) -> list[list[AnyExpr]]:
+        """Of each sensor its value, residual, and derivatives; `columns` has names and sizes."""
+        states = self._states(jacobian=True, order=self.order)
         found = []
         for part, sensor in zip(self.channels.layout.parts, self.sensors, strict=True):
             given = measured[part.name]
@@ -121,22 +107,53 @@ class Readout:
                 found.append([value, value - given, *by.values()])
                 continue
             finish = derivative_function(
+                _kind(sensor), self.order, self.beam.basis.n, tuple(columns.items())
+            )
+            found.append([*finish(states[sensor.xi], *self._arguments(sensor), given)])
+        return found
+
+    def short_blocks(
+        self, measured: dict[str, AnyExpr], columns: dict[str, int]
+    ) -> list[tuple[AnyExpr, AnyExpr]]:
+        """Of each sensor its residual, and its derivatives, stacked and transposed.
+
+        The march carries no accelerations: the derivative by q of an accelerometer is without the
+        part that is quadratic in q_dot, Rᵀ (d/dq)(dJ/dt q_dot) relative to the root, and without
+        that of q_ddot, which `turning` adds. All else is exact.
+        """
+        order = min(self.order, 1)
+        states = self._states(jacobian=True, order=order)
+        zero = ca.DM.zeros(self.beam.basis.n)
+        motion = (self.motion.q_dot, self.motion.q_ddot)
+        rates = ca.vertcat(*(zero if x is None else x for x in motion), self.root.twist_rate)
+        found = []
+        for part, sensor in zip(self.channels.layout.parts, self.sensors, strict=True):
+            given = measured[part.name]
+            if _is_gauge(sensor):
+                value, row = self._gauge(sensor)
+                by = {**{name: ca.DM.zeros(1, size) for name, size in columns.items()}, "q": row}
+                found.append((value - given, ca.horzcat(*by.values()).T))
+                continue
+            finish = derivative_function(
                 _kind(sensor),
                 order,
                 self.beam.basis.n,
                 tuple(columns.items()),
-                short=short,
+                short=True,
                 still=self._is_still,
             )
             extra = [rates] if sensor.order > order else []
-            outputs = finish(states[sensor.xi], *self._arguments(sensor), given, *extra)
-            found.append([None, *outputs] if short else [*outputs])
+            residual, slope = finish(states[sensor.xi], *self._arguments(sensor), given, *extra)
+            found.append((residual, slope))
         return found
 
-    def turning(self, q_ddot: AnyExpr) -> dict[str, AnyExpr]:
-        """Derivative by q (3, n) of what `q_ddot` adds to each accelerometer, by its name.
+    def turning(
+        self, q_ddot: AnyExpr, slopes: dict[str, AnyExpr], first: int
+    ) -> dict[str, AnyExpr]:
+        """Slopes of `short_blocks`, by sensor, with what `q_ddot` does to those of accelerometers.
 
-        It is Rᵀ (B_t + A_t × P) with the rates of the spatial Jacobian along `q_ddot`.
+        It is Rᵀ (B_t + A_t × P), with the rates of the spatial Jacobian along `q_ddot`, in the rows
+        of q, which begin at `first`.
         """
         names = [part.name for part in self.channels.layout.parts]
         movers: dict[str, Any] = {
@@ -145,8 +162,11 @@ class Readout:
         stations = tuple(dict.fromkeys(s.xi for s in movers.values()))
         motion = Motion(self.motion.q, q_ddot)
         states = motion_states(chain.build(self.beam, stations), motion, 1, True)
-        at, turn = dict(zip(stations, states, strict=True)), turning_function(self.beam.basis.n)
-        return {name: turn(at[s.xi], s.offset, s.mounting) for name, s in movers.items()}
+        at, turned = dict(zip(stations, states, strict=True)), dict(slopes)
+        for name, sensor in movers.items():
+            turn = turning_function(self.beam.basis.n, slopes[name].shape[0], first)
+            turned[name] = turn(at[sensor.xi], sensor.offset, sensor.mounting, slopes[name])
+        return turned
 
     @property
     def _is_still(self) -> bool:

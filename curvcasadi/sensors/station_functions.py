@@ -59,9 +59,10 @@ def derivative_function(
     """(state, frames, mount, measured) -> value, residual, and its derivatives, one per column set.
 
     The state is that of a march of `order` with the sums of n weights. `columns` are names of what
-    is varied, with sizes; what a sensor does not depend on gives zeros. With `short` there is no
-    value among the outputs. An accelerometer after a march of order 1 has a further input, (q_dot,
-    q_ddot, twist rate): see `_accelerated`; `still` says that the root is at rest.
+    is varied, with sizes; what a sensor does not depend on gives zeros. With `short` the outputs
+    are the residual and all derivatives, stacked and transposed. An accelerometer after a march of
+    order 1 has a further input, (q_dot, q_ddot, twist rate): see `_accelerated`; `still` says that
+    the root is at rest.
     """
     state = ca.SX.sym("state", 12 + 6 * order + 6 * n * (order + 1))
     frames, mount = ca.SX.sym("frames", sum(_FRAMES)), ca.SX.sym("mount", _mount_size(kind))
@@ -83,7 +84,9 @@ def derivative_function(
         ca.densify(by_variation @ slopes[name]) if name in slopes else ca.SX.zeros(rows, size)
         for name, size in columns
     ]
-    outputs = [error, *blocks] if short else [value, error, *blocks]
+    outputs = [value, error, *blocks]
+    if short:
+        outputs = [error, ca.vertcat(*(block.T for block in blocks))]
     return ca.Function(f"differentiate_{kind.prefix}", inputs, outputs, {"cse": True})
 
 
@@ -115,15 +118,21 @@ def _ad(twist: ca.SX) -> ca.SX:
 
 
 @lru_cache(maxsize=64)
-def turning_function(n: int) -> ca.Function:
-    """(state of a march of order 1, offset, mounting) -> Rᵀ (B_t + A_t × P), (3, n)."""
+def turning_function(n: int, rows: int, first: int) -> ca.Function:
+    """(state of a march of order 1, offset, mounting, slope) -> slope with what turns added.
+
+    Rᵀ (B_t + A_t × P), transposed, from row `first` of a slope (rows, 3).
+    """
     state = ca.SX.sym("state", 18 + 12 * n)
     offset, mounting = ca.SX.sym("offset", 3), ca.SX.sym("mounting", 3, 3)
+    slope = ca.SX.sym("slope", rows, 3)
     at = unpack_motion(state, 1)
     a_t, b_t = at.sums[1]
     point = at.position + at.rotation @ offset
     turned = mounting.T @ at.rotation.T @ (b_t - so3.hat(point) @ a_t)
-    return ca.Function("turning", [state, offset, mounting], [turned], {"cse": True})
+    after = slope[:, :]
+    after[first : first + n, :] += turned.T
+    return ca.Function("turning", [state, offset, mounting, slope], [after], {"cse": True})
 
 
 def residual(kind: Any, value: AnyExpr, measured: AnyExpr) -> AnyExpr:

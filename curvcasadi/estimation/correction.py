@@ -118,9 +118,14 @@ def _augmented(observation: Observation, factor: ca.MX) -> ca.MX:
     """Factor of the unknowns and the error together, which are independent before an update."""
     if not observation.unknown:
         return factor
-    deviations = np.concatenate([*observation.unknown.values()])
-    both = ca.diagcat(ca.MX(ca.diag(ca.DM(deviations**2))), factor)
-    return ca.project(both, ca.Sparsity.upper(both.shape[0]))
+    variances = np.concatenate([*observation.unknown.values()]) ** 2
+    first, size = len(variances), factor.shape[0]
+    corner = np.diag(variances)[np.tril_indices(first)]  # symmetric: the upper one by columns
+    entries = [ca.MX(ca.DM(corner))]
+    offsets = [j * (j + 1) // 2 for j in range(size + 1)]
+    for column in ca.vertsplit(ca.sparsity_cast(factor, ca.Sparsity.dense(offsets[-1])), offsets):
+        entries += [ca.MX(ca.DM.zeros(first)), column]
+    return ca.sparsity_cast(ca.vertcat(*entries), ca.Sparsity.upper(first + size))
 
 
 def _retraction(process: Process) -> ca.Function:

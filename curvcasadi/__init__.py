@@ -61,7 +61,8 @@ from curvcasadi.control_model import ControlModel, kinematic_model
 from curvcasadi.equilibrium import Equilibrium, solve_equilibrium
 from curvcasadi.equilibrium_function import equilibrium_function
 from curvcasadi.errors import ConvergenceError
-from curvcasadi.estimation.ekf import Estimate, ShapeEkf, run_ekf, shape_ekf
+from curvcasadi.estimation.ekf import Estimate, ShapeEkf, shape_ekf
+from curvcasadi.estimation.ekf_run import run_ekf
 from curvcasadi.estimation.fit import fit_shape
 from curvcasadi.estimation.information import (
     ShapeDeviations,

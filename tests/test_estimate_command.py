@@ -15,7 +15,7 @@ from sensor_logs import write_log
 from curvcasadi import estimate_command
 from curvcasadi.cli import main
 from curvcasadi.estimate_stream import History, Point, RowStepper, row_function
-from curvcasadi.estimation.ekf import run_ekf
+from curvcasadi.estimation.ekf_run import run_ekf
 from curvcasadi.kinematics import body_jacobian
 from curvcasadi.sensor_log import read_log
 from curvcasadi.sensors import RootMotion, measure

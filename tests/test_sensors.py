@@ -505,7 +505,6 @@ def test_measurements_compile_and_agree(tmp_path):
         (lambda: cc.RootMotion(gravity=9.81), r"RootMotion\.gravity: expected shape \(3, 1\)"),
         (lambda: cc.RootMotion(pose=None), r"RootMotion\.pose: expected a Pose"),
     ],
-    ids=str,
 )
 def test_fields_that_cannot_be_are_refused(make, message):
     with pytest.raises(ValueError, match=message):
@@ -527,7 +526,6 @@ def test_fields_that_cannot_be_are_refused(make, message):
         ([replace(GYRO, offset=ca.MX.sym("r", 3))], {"q": ca.SX.sym("q", 12)}, r"gyro_1\.offset"),
         ([GYRO], {"q": np.ones(12)}, r"q: expected every element to turn at most"),
     ],
-    ids=str,
 )
 def test_measurements_that_cannot_be_are_refused(wing, sensors, arguments, message):
     given = {"q": CURLED_WEIGHTS, "q_dot": RATE, "root": moving_root(), **arguments}

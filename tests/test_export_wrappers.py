@@ -66,6 +66,7 @@ def ended(folder, functions, name, calls, **options):
 
 def array(values):
     """A compound literal."""
+    values = values.full() if isinstance(values, ca.DM) else values
     words = [w if isinstance(w, str) else repr(float(w)) for w in np.ravel(values, "F").tolist()]
     return f"(const real_t[]){{{', '.join(words)}}}"
 

@@ -160,10 +160,11 @@ def _sample(wrapper: Wrapper, values: Sequence[Any]) -> list[ca.DM]:
     inputs = []
     for i, value in enumerate(values):
         key = f.name_in(i)
-        missing = np.zeros(f.size_in(i), dtype=bool)
+        missing = np.zeros((1, 1), dtype=bool)
         if key in wrapper.export.missing:
-            missing = np.isnan(np.reshape(value, f.size_in(i)))
-            value = np.where(missing, 0.0, np.reshape(value, f.size_in(i)))
+            value = ca.DM(value).full()
+            missing = np.isnan(value)
+            value[missing] = 0.0
         dense = ca.DM(expression(f"{where}, {key}", value, f.size_in(i))).full()
         rounded = np.where(missing, np.nan, dense.astype(kind))
         inputs.append(ca.project(ca.DM(rounded), f.sparsity_in(i)))

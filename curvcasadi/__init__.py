@@ -123,6 +123,7 @@ from curvcasadi.sensors import (
     measurement_residual,
     sensor_channels,
 )
+from curvcasadi.sensors_table import EstimationFile, load_estimation
 from curvcasadi.shape import Shape, curvature, pose_at, shape_map, squared_element_angles
 from curvcasadi.statics import (
     equilibrium_residual,
@@ -152,6 +153,7 @@ __all__ = [
     "DistributedMoment",
     "Equilibrium",
     "Estimate",
+    "EstimationFile",
     "ExponentialTipLoss",
     "Flight",
     "Flow",
@@ -214,6 +216,7 @@ __all__ = [
     "kinematic_model",
     "load_aircraft",
     "load_beam",
+    "load_estimation",
     "load_modes",
     "load_wing",
     "measure",

@@ -1,0 +1,76 @@
+"""Questions for null pointers leave generated C only where no call can pass one."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import curvcasadi as cc
+from curvcasadi.export.generated import generate
+
+QUESTION = re.compile(r"(?:arg|res)\[\d+\](?: *\?|!=0\))")
+
+
+def _inner(name, **options):
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    options = {"never_inline": True, **options}
+    return ca.Function(name, [x, y], [x * ca.cos(y), x + y], ["x", "y"], ["a", "b"], options)
+
+
+def _calls(which):
+    """Calls of an inner function: with both outputs, the first alone, or an input that is zero."""
+    f, x, y = _inner("inner"), ca.MX.sym("x"), ca.MX.sym("y")
+    a, b = f(x, y)
+    outputs = {
+        "all": [a + 2 * b],
+        "one output": [a + 2 * b, f(y, x)[0]],
+        "zero input": [a + 2 * b, ca.vertcat(*f(x, ca.MX(1, 1)))],
+    }
+    return ca.Function("outer", [x, y], outputs[which])
+
+
+def _definition(source, words):
+    """The generated function whose comment says `words`."""
+    start = source.index(f"/* {words}")
+    return source[start : source.index("\n}\n", start)]
+
+
+@pytest.mark.parametrize("which", ["all", "one output", "zero input"])
+def test_questions_stay_where_a_call_passes_null(which):
+    source, _ = generate([_calls(which)], "curv_functions", "double")
+    asked = QUESTION.findall(_definition(source, "inner:("))
+    assert bool(asked) == (which == "one output")  # CasADi passes a zero for a zero input
+
+
+@pytest.mark.parametrize("which", ["all", "one output", "zero input"])
+def test_results_stay_what_they_were(tmp_path, which):
+    samples = {"outer": [[[0.3], [-1.2]], [[2.0], [0.0]]]}
+    cc.export_c([_calls(which)], tmp_path, reference_inputs=samples)
+    assert cc.export.run_check(tmp_path)["outer"] <= 1e-15  # the same operations
+
+
+def test_exported_functions_still_take_null_as_casadi_says(tmp_path):
+    """NULL for an input is zero, for an output that it is not wanted."""
+    wing = cc.Beam(
+        length=2.0, basis=cc.ChannelBasis(out_of_plane=cc.Legendre(2)), grid=cc.Grid.uniform(4)
+    )
+    cc.export_c([cc.tip_function(wing), _inner("plain")], tmp_path)
+    (tmp_path / "main.c").write_text(
+        '#include <stdio.h>\n#include "curv_functions.h"\n'
+        "static const double *arg[curv_casadi_tip_SZ_ARG + curv_casadi_plain_SZ_ARG];\n"
+        "static double *res[curv_casadi_tip_SZ_RES + curv_casadi_plain_SZ_RES], w[curv_casadi_tip_SZ_W + curv_casadi_plain_SZ_W + 1], p[3], b;\n"
+        "static int iw[curv_casadi_tip_SZ_IW + curv_casadi_plain_SZ_IW + 1];\n"
+        "int main(void) {\n  const double x = 3;\n  res[0] = p;\n"
+        "  if (curv_casadi_tip(arg, res, iw, w, 0)) return 1;\n"
+        "  arg[0] = &x; res[0] = 0; res[1] = &b;\n"
+        "  if (curv_casadi_plain(arg, res, iw, w, 0)) return 1;\n"
+        '  printf("%.17g %.17g %.17g %.17g\\n", p[0], p[1], p[2], b);\n  return 0;\n}\n'
+    )
+    gcc = ["gcc", "-std=c99", "-fsanitize=undefined", "main.c", "curv_functions.c", "-lm"]
+    subprocess.run([*gcc, "-o", "main"], cwd=tmp_path, check=True)
+    printed = subprocess.run(["./main"], cwd=tmp_path, check=True, capture_output=True, text=True)
+    np.testing.assert_allclose(np.fromstring(printed.stdout, sep=" "), [2, 0, 0, 3], rtol=0)

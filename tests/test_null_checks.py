@@ -58,12 +58,13 @@ def test_exported_functions_still_take_null_as_casadi_says(tmp_path):
     wing = cc.Beam(
         length=2.0, basis=cc.ChannelBasis(out_of_plane=cc.Legendre(2)), grid=cc.Grid.uniform(4)
     )
-    cc.export_c([cc.tip_function(wing), _inner("plain")], tmp_path)
+    manifest = cc.export_c([cc.tip_function(wing), _inner("plain")], tmp_path)
+    assert max(max(f["buffers"].values()) for f in manifest["functions"].values()) < 99
     (tmp_path / "main.c").write_text(
         '#include <stdio.h>\n#include "curv_functions.h"\n'
-        "static const double *arg[curv_casadi_tip_SZ_ARG + curv_casadi_plain_SZ_ARG];\n"
-        "static double *res[curv_casadi_tip_SZ_RES + curv_casadi_plain_SZ_RES], w[curv_casadi_tip_SZ_W + curv_casadi_plain_SZ_W + 1], p[3], b;\n"
-        "static int iw[curv_casadi_tip_SZ_IW + curv_casadi_plain_SZ_IW + 1];\n"
+        "static const double *arg[99];\n"
+        "static double *res[99], w[999], p[3], b;\n"
+        "static int iw[99];\n"
         "int main(void) {\n  const double x = 3;\n  res[0] = p;\n"
         "  if (curv_casadi_tip(arg, res, iw, w, 0)) return 1;\n"
         "  arg[0] = &x; res[0] = 0; res[1] = &b;\n"

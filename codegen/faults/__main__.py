@@ -54,6 +54,7 @@ class Outcome:
     statuses: Any  #: of every call
     checked: int  #: results that were compared
     seconds: float
+    slowest: float  #: of one call, s of processor time, sanitizers included
     wrong: list[str]
 
 
@@ -105,7 +106,7 @@ def call_all(case: Case, real: str, program: Path, calls: int, seed: int) -> Out
     written, results = program.with_name(f"{case.name}.in"), program.with_name(f"{case.name}.out")
     _write(written, given)
     begun = time.monotonic()
-    run([str(program), case.name, str(calls), str(every), str(written), str(results)])
+    said = run([str(program), case.name, str(calls), str(every), str(written), str(results)])
     seconds = time.monotonic() - begun
     statuses, rows, outputs = _read(results, case, real, calls, every)
     written.unlink()
@@ -120,7 +121,13 @@ def call_all(case: Case, real: str, program: Path, calls: int, seed: int) -> Out
             kind = list(faulty.KINDS)[kinds[rows[k]]]
             wrong.append(f"OK, but {found} (call {rows[k]}, {kind})")
     return Outcome(
-        case=case, real=real, statuses=statuses, checked=len(ok), seconds=seconds, wrong=wrong
+        case=case,
+        real=real,
+        statuses=statuses,
+        checked=len(ok),
+        seconds=seconds,
+        slowest=float(said),
+        wrong=wrong,
     )
 
 
@@ -206,10 +213,10 @@ def run(command: Sequence[str]) -> str:
 
 def table(outcomes: Sequence[Outcome]) -> str:
     """One line a function and precision."""
-    rows = [["function", "real", "calls", *STATUSES, "checked", "s"]]
+    rows = [["function", "real", "calls", *STATUSES, "checked", "s", "slowest, ms"]]
     for x in outcomes:
         counts = [np.sum(x.statuses == k) for k in range(len(STATUSES))]
-        cells = [len(x.statuses), *counts, x.checked, round(x.seconds)]
+        cells = [len(x.statuses), *counts, x.checked, round(x.seconds), round(1e3 * x.slowest)]
         rows.append([x.case.name, x.real, *(f"{cell:,}".replace(",", " ") for cell in cells)])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return "\n".join(

@@ -4,11 +4,13 @@
    calls FUNCTION COUNT threads INPUTS          two threads against one after the other
 
    INPUTS holds COUNT records, the inputs of a call one after another; RESULTS as many statuses, a
-   byte each, between them the outputs. Exit status 0, or 1 with a line that says what was wrong. */
+   byte each, between them the outputs. Prints the seconds that the slowest call took. Exit status 0,
+   or 1 with a line that says what was wrong. */
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "curv.h"
 
@@ -58,6 +60,12 @@ static void new_inputs(const function_case *f, real_t **in) {
   for (k = 0; k < f->inputs; ++k) in[k] = memory(f->sizes[k] * sizeof(real_t));
 }
 
+static double processor_time(void) {
+  struct timespec now;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
 static curv_status call(const function_case *f, real_t **in, void *work, void *out) {
   curv_status status;
   memset(out, UNTOUCHED, f->out);
@@ -69,12 +77,17 @@ static curv_status call(const function_case *f, real_t **in, void *work, void *o
 static void all_calls(const function_case *f, long count, long every, FILE *from, FILE *to) {
   real_t *in[MOST_INPUTS];
   void *work = memory(f->work), *out = memory(f->out), *again = memory(f->out);
+  double slowest = 0;
   long i;
   new_inputs(f, in);
   for (i = 0; i < count; ++i) {
     curv_status status;
+    double taken;
     read_record(f, in, from, i);
+    taken = -processor_time();
     status = call(f, in, i % 2 ? work : NULL, out);
+    taken += processor_time();
+    if (taken > slowest) slowest = taken;
     if (status != CURV_OK && !untouched(out, f->out)) fail("wrote out in spite of status", i);
     if (i % 16 == 0 && (call(f, in, work, again) != status || memcmp(out, again, f->out))) {
       fail("the two forms differ", i);
@@ -82,6 +95,7 @@ static void all_calls(const function_case *f, long count, long every, FILE *from
     fputc((int)status, to);
     if (i % every == 0) fwrite(out, 1, f->out, to);
   }
+  printf("%.6f\n", slowest);
 }
 
 typedef struct {

@@ -122,7 +122,13 @@ def tip_path(beam: cc.Beam) -> list[ca.Function]:
     model = cc.kinematic_model(beam, time_constant=0.25)
     return [
         cc.tip_path_step_function(
-            model, dt=DT, horizon=STAGES, attitude_weight=25, iterations=iterations, name=name
+            model,
+            dt=DT,
+            horizon=STAGES,
+            attitude_weight=25,
+            iterations=iterations,
+            max_iter=20,
+            name=name,
         )
         for name, iterations in (("tip_path", None), ("tip_path_step", 1))
     ]

@@ -24,9 +24,7 @@ def generate(beam: cc.Beam, folder: Path) -> dict:
     """The manifest of the C that is written into `folder`."""
     target = cc.Target(xi=1.0, position=beam.root.position, weight=1.0)
     model = cc.kinematic_model(beam, time_constant=TIME_CONSTANT)
-    step = cc.tip_path_step_function(
-        model, dt=DT, horizon=STAGES, attitude_weight=25, iterations=1
-    )
+    step = cc.tip_path_step_function(model, dt=DT, horizon=STAGES, attitude_weight=25, iterations=1)
     functions = [
         cc.tip_function(beam, jacobian=True),
         cc.shape_target_function(beam, [target], regularization=1e-6, max_iter=15),

@@ -15,8 +15,8 @@ _QUIET: dict[str, dict[str, Any]] = {
     "qrqp": {"print_iter": False, "print_header": False, "print_info": False},
     "qpoases": {"printLevel": "none"},
 }
-#: Largest number of active-set changes of one quadratic program.
-_QP_ITERATIONS = 1000
+#: Largest number of active-set changes of one quadratic program, for every unknown and constraint.
+_QP_CHANGES = 3
 
 
 class Tolerances(NamedTuple):
@@ -116,7 +116,8 @@ def gauss_newton_sqp(
     if qp_solver == "qrqp":
         primal, dual = tolerances.program
         at_most = {"constr_viol_tol": primal, "dual_inf_tol": dual * stiffness}
-        qp_options |= {"max_iter": _QP_ITERATIONS, **at_most}
+        changes = _QP_CHANGES * (x.shape[0] + constraints.shape[0])
+        qp_options |= {"max_iter": max(changes, 20), **at_most}
     scale, multipliers = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", constraints.shape[0])
     options: dict[str, Any] = {
         "hess_lag": ca.Function(

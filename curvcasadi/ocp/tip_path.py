@@ -24,6 +24,7 @@ def tip_path_step_function(
     rate_bound: Number | None = None,
     curvature_bound: Number | None = None,
     iterations: int | None = None,
+    max_iter: int = 100,
     qp_solver: str = "qrqp",
     name: str = "tip_path_step",
 ) -> ca.Function:
@@ -46,6 +47,7 @@ def tip_path_step_function(
     position_weight, attitude_weight, move_weight : 1/m², 1/rad², m²/rad²
     rate_bound : rad/(m s), one number or one per state; curvature_bound : rad/m, one or three
     iterations : None to converge, 1 for a real-time iteration (one quadratic program, full step)
+    max_iter : programs at most where it converges
     qp_solver : "qrqp", which alone becomes self-contained C, or another of CasADi's for singular
         Hessians. Where many bounds hold at once, far from the path with rates at their bounds, one
         in ten single programs of `qrqp` fails, which the last two outputs tell: do not apply `u`
@@ -116,6 +118,7 @@ def tip_path_step_function(
         nominal=(0, _at_rest(model, stages)),
         real=model.real,
         iterations=None if iterations is None else count("iterations", iterations),
+        max_iter=count("max_iter", max_iter),
         qp_solver=qp_solver,
     )
 

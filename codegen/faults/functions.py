@@ -124,6 +124,7 @@ def _tip_path(name: str, iterations: int | None) -> Callable[[cc.Beam], ca.Funct
         move_weight=checks.MOVE_WEIGHT,
         rate_bound=checks.RATE_BOUND,
         iterations=iterations,
+        max_iter=20,
         name=name,
     )
 

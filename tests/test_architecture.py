@@ -50,7 +50,8 @@ EXEMPT = {"cli", "__init__", "__main__"}
 
 #: Where branches may stand. That of estimation takes zero for a missing sample, which is NaN; it
 #: guards no singularity, and is never differentiated.
-BRANCHED = {"lie/so3.py", "element.py", "aero/load.py", "estimation/correction.py"}
+BRANCHED = {"lie/so3.py", "element.py", "aero/load.py", "estimation/ud.py"}
+BRANCHED |= {"sensors/station_functions.py"}  # the same for the slopes of a missing attitude
 BRANCHED |= {"estimation/samples.py"}  # the same for windows of samples
 
 FILES = sorted(PACKAGE.rglob("*.py"))

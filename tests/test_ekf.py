@@ -36,6 +36,11 @@ def random_covariance(n):
     return square @ square.T + 0.1 * np.eye(n)
 
 
+def triangular(matrix):
+    """A factor of numbers as a CasADi matrix without what is below its diagonal."""
+    return ca.project(ca.DM(matrix), ca.Sparsity.upper(len(matrix)))
+
+
 def symmetric_positive_definite(covariance):
     return np.array_equal(covariance, covariance.T) and np.linalg.eigvalsh(covariance)[0] > 0
 
@@ -54,8 +59,10 @@ def test_scalar_measurements_are_the_update_of_kalman():
     n, rows = 6, 3
     P, H = random_covariance(n), RNG.normal(size=(rows, n))
     R, x, r = np.array([0.3, 0.1, 0.7]), RNG.normal(size=n), RNG.normal(size=rows)
-    f = ud.measure_rows(n, rows, np.inf)
-    error, factor, innovation, used = f(x, ud.factor_of(P), H.T, r, R, np.ones(rows))
+    start = ud.belief_of(triangular(ud.factor_of(P)), x)
+    belief, said = ud.measure_rows(start, ca.DM(np.vstack([H.T, r])), R, np.inf)
+    factor, error = ud.split_belief(belief, n)
+    innovation, used = ca.horzsplit(ca.horzcat(*said).T)
     S = H @ P @ H.T + np.diag(R)
     K = P @ H.T @ np.linalg.inv(S)
     nu = -(r + H @ x)
@@ -65,14 +72,15 @@ def test_scalar_measurements_are_the_update_of_kalman():
     assert_allclose(used, np.ones((rows, 1)), atol=0)
 
 
-@pytest.mark.parametrize(("seen", "residual"), [(0, 0.3), (1, 1e6)], ids=["missing", "outlier"])
-def test_a_sample_that_is_not_used_changes_nothing(seen, residual):
+@pytest.mark.parametrize("residual", [np.nan, 1e6], ids=["missing", "outlier"])
+def test_a_sample_that_is_not_used_changes_nothing(residual):
     n = 5
-    factor, x = ud.factor_of(random_covariance(n)), RNG.normal(size=n)
-    after = ud.measure(n, 5.0)(x, factor, RNG.normal(size=n), residual, 0.1, seen)
-    assert_allclose(after[0].full()[:, 0], x, atol=0)
-    assert_allclose(after[1].full(), factor, atol=0)
-    assert float(after[3]) == 0
+    belief = ud.belief_of(triangular(ud.factor_of(random_covariance(n))), RNG.normal(size=n))
+    row = np.append(RNG.normal(size=n), residual)
+    after, said = ud.measure(n, 5.0)(belief, belief, row, 0.1)
+    assert_allclose(after, belief, atol=0)
+    assert (float(said[0]) == 0) == np.isnan(residual)
+    assert float(said[1]) == 0
 
 
 def test_added_noise_adds_to_the_covariance():
@@ -190,10 +198,10 @@ def test_short_derivatives_lack_what_is_quadratic_in_the_rates_alone(beam, root,
     exact = cc.measurement_function("exact", [sensor], beam, inputs, motion)
     q, q_dot, q_ddot = (ca.MX.sym(key, n) for key in inputs)
     measured = ca.MX.sym("measured", 3)
-    readout = Readout.of([sensor], beam, q, q_dot, q_ddot, motion)
+    readout = Readout.of([sensor], beam, q, q_dot, None, motion)
     name = readout.channels.layout.parts[0].name
-    [(residual, slope)] = readout.short_blocks({name: measured}, dict.fromkeys(inputs, n))
-    slope = readout.turning(q_ddot, {name: slope}, 0)[name].T
+    [rows] = readout.rows({name: measured}, dict.fromkeys(inputs, n), q_ddot)
+    slope, residual = rows[:-1, :].T, rows[-1, :].T + rows[-1 - n : -1, :].T @ q_ddot
     short = ca.Function("short", [q, q_dot, q_ddot, measured], [residual, slope])
     at = [0.2 * RNG.normal(size=n), speed * RNG.normal(size=n), RNG.normal(size=n), np.ones(3)]
     _, *expected = exact(*at)

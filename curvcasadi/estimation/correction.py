@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
 import casadi as ca
 import numpy as np
 
 from curvcasadi.estimation import ud
-from curvcasadi.estimation.observation import SHAPES, Observation, Readings, Rows
+from curvcasadi.estimation.observation import SHAPES, Observation, Readings
 from curvcasadi.estimation.process import DEGREE, Process, orthonormal
 from curvcasadi.expressions import AnyExpr
 from curvcasadi.lie import so3
-from curvcasadi.sensors import AttitudeSensor
 
 
 def update_function(name: str, process: Process, observation: Observation) -> ca.Function:
@@ -24,18 +21,20 @@ def update_function(name: str, process: Process, observation: Observation) -> ca
     known = {key: ca.MX.sym(key, *SHAPES[key]) for key in observation.inputs}
     inputs = {"state": state, "factor": factor, "measured": measured, **known}
 
-    samples, seen = _samples(observation)(measured)
     retract, difference = _retraction(process), _difference(process)
+    look, take = (_pass(process, observation, only) for only in (True, False))
     at, error = state, ca.MX(ca.DM.zeros(process.error.size))
-    unknown = ca.MX(ca.DM.zeros(sum(map(len, observation.unknown.values()))))
+    unknown = ca.MX(ca.DM.zeros(_unknowns(observation)))
+    if observation.unknown:
+        unknown = look(error, factor, at, unknown, measured, *known.values())
     for iteration in range(observation.iterations):
         if iteration:
             error = difference(at, state)
-        correct = _correction(process, observation, look=iteration == 0)
-        step, factor_after, innovation, used, unknown = correct(
-            error, factor, at, unknown, samples, seen, *known.values()
+        step, factor_after, said, unknown = take(
+            error, factor, at, unknown, measured, *known.values()
         )
         at = retract(at, step)
+    innovation, used = said[0, :].T, said[1, :].T
     outputs = {
         "state_after": at,
         "factor_after": factor_after,
@@ -48,70 +47,41 @@ def update_function(name: str, process: Process, observation: Observation) -> ca
     return ca.Function(name, arguments, [*outputs.values()], [*inputs], [*outputs], {"cse": True})
 
 
-def _samples(observation: Observation) -> ca.Function:
-    """measured -> the same with zeros for NaN, and 1 or 0 for every residual that is there.
-
-    A number is below zero or not; NaN is neither. The selection is no guard of a derivative, and
-    none is taken of it.
-    """
-    layout = observation.channels.layout
-    measured = ca.MX.sym("measured", layout.size)
-    there = ca.logic_or(measured < 0, measured >= 0)
-    seen = []
-    for sensor, part in zip(observation.sensors, layout.split(there).values(), strict=True):
-        whole = isinstance(sensor, AttitudeSensor)
-        seen.append(ca.repmat(ca.mmin(part), 3, 1) if whole else part)
-    samples = ca.if_else(there, measured, 0)
-    return ca.Function("samples", [measured], [samples, ca.vertcat(*seen)], {"cse": True})
-
-
-def _correction(process: Process, observation: Observation, look: bool) -> ca.Function:
-    """(error, factor, state, unknowns, samples, seen, known motion) -> error, factor, innovation,
-    used, unknowns.
+def _pass(process: Process, observation: Observation, look: bool) -> ca.Function:
+    """(error, factor, state, unknowns, measured, known motion) -> error, factor, what `ud.measure`
+    says (2, r), unknowns; with `look` the unknowns alone, as the rows show them that depend on any.
 
     The unknowns multiply the shape, as J(q) q_ddot does. Linearized at an acceleration of zero, a
     filter would trust the combinations of readings that no J(q) q_ddot reaches, with a J that it
-    does not know; so the readings are linearized at the unknowns, too. With `look` these are what
-    the readings show in a first pass; otherwise they are an input.
+    does not know; so the readings are linearized at the unknowns, too. These are what the readings
+    show in a first pass. Each pass reads the sensors anew, one after another: kept between passes,
+    their rows and stations would take more memory than all else.
     """
-    size, first = process.error.size, sum(map(len, observation.unknown.values()))
+    size, first = process.error.size, _unknowns(observation)
     start, state = ca.MX.sym("error", size), ca.MX.sym("state", process.state.size)
-    start_factor = ca.MX.sym("factor", ca.Sparsity.upper(size))
-    samples = ca.MX.sym("samples", observation.channels.layout.size)
-    seen = ca.MX.sym("seen", observation.channels.residual_layout.size)
+    factor = ca.MX.sym("factor", ca.Sparsity.upper(size))
     unknown = ca.MX.sym("unknown", first)
+    measured = ca.MX.sym("measured", observation.channels.layout.size)
     known = {key: ca.MX.sym(key, *SHAPES[key]) for key in observation.inputs}
-    arguments = [start, start_factor, state, unknown, samples, seen, *known.values()]
+    arguments = [start, factor, state, unknown, measured, *known.values()]
 
-    readings = Readings(process, observation, state, samples, known)
-    there = observation.channels.residual_layout.split(seen)
-    factor = _augmented(observation, start_factor)
-    if look and first:
-        shared = [row for row in readings.rows(None) if row.shared]
-        error = ca.vertcat(ca.DM.zeros(first), start)
-        unknown = _sequence(shared, error, factor, there, observation.gate)[0][:first]
-    rows = readings.rows(unknown if first else None)
-    offset = readings.offset(unknown)
-    error, factor, *said = _sequence(
-        rows, ca.vertcat(-offset, start), factor, there, observation.gate
-    )
-    outputs = [error[first:], factor[first:, first:], *said, offset + error[:first]]
-    return ca.Function("correction", arguments, outputs, {"cse": True})
-
-
-def _sequence(
-    rows: Sequence[Rows], error: AnyExpr, factor: AnyExpr, seen: Mapping[str, ca.MX], gate: float
-) -> tuple[AnyExpr, AnyExpr, AnyExpr, AnyExpr]:
-    """Error, factor, innovations and which were used, after the rows of all sensors."""
+    readings = Readings(process, observation, state, measured, known)
+    rows = readings.rows(None if look or not first else unknown)
+    offset = ca.MX(ca.DM.zeros(first)) if look else readings.offset(unknown)
+    belief = ud.belief_of(_augmented(observation, factor), ca.vertcat(-offset, start))
     said = []
     for row in rows:
-        step = ud.measure_rows(error.shape[0], len(row.variance), gate)
-        error, factor, *found = step(
-            error, factor, row.slope, row.residual, row.variance, seen[row.name]
-        )
-        said.append(found)
-    innovation, used = (ca.vertcat(*x) for x in zip(*said, strict=True))
-    return error, factor, innovation, used
+        if row.shared or not look:
+            belief, told = ud.measure_rows(belief, row.rows, row.variance, observation.gate)
+            said += told
+    after, error = ud.split_belief(belief, first + size)
+    outputs = [error[first:], after[first:, first:], ca.horzcat(*said), offset + error[:first]]
+    name, outputs = ("look", outputs[-1:]) if look else ("take", outputs)
+    return ca.Function(name, arguments, outputs, {"cse": True})
+
+
+def _unknowns(observation: Observation) -> int:
+    return sum(map(len, observation.unknown.values()))
 
 
 def _augmented(observation: Observation, factor: ca.MX) -> ca.MX:

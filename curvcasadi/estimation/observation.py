@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from curvcasadi.beam import Beam
-from curvcasadi.estimation.process import Process
+from curvcasadi.estimation.process import Process, offsets
 from curvcasadi.expressions import AnyExpr, Array
 from curvcasadi.pose import Pose
 from curvcasadi.sensors import Channels, RateGyro, RootMotion, Sensor
@@ -39,12 +39,11 @@ class Observation:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Rows:
-    """Linearized rows of one sensor: residual + slope · (unknowns, error) + noise."""
+    """Linearized rows of one sensor: 0 = residual + slope · (unknowns, error) + noise."""
 
     name: str
     shared: bool  #: whether they depend on unknowns
-    residual: ca.MX  #: (r, 1), at the state, the unknown q_dot, and no q_ddot
-    slope: ca.MX  #: (unknowns + error, r), transposed
+    rows: ca.MX  #: (unknowns + error + 1, r): slope above residual, both transposed
     variance: Array  #: (r,)
 
 
@@ -104,45 +103,35 @@ class Readings:
     ) -> list[Rows]:
         process, channels = self.process, self.observation.channels
         columns = {key: len(x) for key, x in self.observation.unknown.items()}
-        first = sum(columns.values()) + 3 * process.attitude
-        biases = ("gyro_bias", "root_gyro_bias")  # the last parts of the error
-        columns |= {p.name: p.size for p in process.error.parts if p.name not in biases}
-        twisted = process.root_bias and "twist" in self.known
-        columns |= {"twist": 6} if twisted else {}
-
-        names = [part.name for part in channels.layout.parts]
-        blocks = readout.short_blocks(channels.layout.split(self.samples), columns)
-        residuals = dict(zip(names, (residual for residual, _ in blocks), strict=True))
-        slopes = dict(zip(names, (slope for _, slope in blocks), strict=True))
-        if q_ddot is not None:
-            slopes = readout.turning(q_ddot, slopes, first)
+        first = sum(columns.values())
+        columns |= {part.name: part.size for part in process.error.parts}
+        given, own = channels.layout.split(self.samples), self._gyro_biases()
+        for name, where in own.items():
+            given[name] -= parts["gyro_bias"][where]
+        blocks = dict(zip(given, readout.rows(given, columns, q_ddot), strict=True))
+        for name, where in own.items():
+            by_bias = ca.DM(blocks[name].shape[0], 3)
+            start = first + offsets(process.error)["gyro_bias"].start + where.start
+            by_bias[start : start + 3, :] = ca.DM.eye(3)
+            blocks[name] += by_bias
         noise = channels.residual_layout.split(ca.DM(channels.noise))
         order = 1 if "q_dot" in self.observation.unknown else 2
-        found, gyros = [], 0
-        for name, sensor in zip(names, self.observation.sensors, strict=True):
-            residual, slope = residuals[name], slopes[name]
-            rows = residual.shape[0]
-            by_twist = -slope[-6:-3, :] if twisted else ca.DM.zeros(3, rows)
-            stack = [slope[:-6, :] if twisted else slope]
-            if process.biases:
-                place = ca.DM.zeros(3 * process.biases, rows)
-                if isinstance(sensor, RateGyro):
-                    own = slice(3 * gyros, 3 * gyros + 3)
-                    place[own, :] = ca.DM.eye(3)
-                    residual, gyros = residual + parts["gyro_bias"][own], gyros + 1
-                stack.append(place)
-            if process.root_bias:
-                stack.append(by_twist)
-            found.append(
-                Rows(
-                    name=name,
-                    shared=bool(self.observation.unknown) and sensor.order >= order,
-                    residual=residual,
-                    slope=ca.densify(ca.vertcat(*stack)),
-                    variance=noise[name].full()[:, 0] ** 2,
-                )
+        return [
+            Rows(
+                name=name,
+                shared=bool(self.observation.unknown) and sensor.order >= order,
+                rows=rows,
+                variance=noise[name].full()[:, 0] ** 2,
             )
-        return found
+            for (name, rows), sensor in zip(blocks.items(), self.observation.sensors, strict=True)
+        ]
+
+    def _gyro_biases(self) -> dict[str, slice]:
+        """Where the bias of each gyro stands among them, by its name."""
+        pairs = zip(self.observation.channels.layout.parts, self.observation.sensors, strict=True)
+        gyros = [part.name for part, sensor in pairs if isinstance(sensor, RateGyro)]
+        known = gyros[: self.process.biases]
+        return {name: slice(3 * i, 3 * i + 3) for i, name in enumerate(known)}
 
 
 def known_motion(names: Sequence[str]) -> tuple[str, ...]:

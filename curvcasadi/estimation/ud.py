@@ -15,7 +15,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from curvcasadi.expressions import Array
+from curvcasadi.expressions import AnyExpr, Array
 
 _CSE = {"cse": True}
 
@@ -38,44 +38,51 @@ def covariance_of(factor: Array) -> Array:
     return covariance
 
 
-@lru_cache(maxsize=64)
-def innovate(n: int, gate: float) -> ca.Function:
-    """The innovation of a scalar measurement 0 = residual + row · error + noise.
+def belief_of(factor: AnyExpr, error: AnyExpr) -> AnyExpr:
+    """What measurements change, as a vector: nonzeros of the factor, by columns, and the error."""
+    size = factor.nnz()
+    return ca.vertcat(ca.sparsity_cast(factor, ca.Sparsity.dense(size)), error)
 
-    With f = Uᵀ row, s = variance + Σ D_j f_j² and the innovation ν = −(residual + row · error). A
-    measurement that is not `seen`, or whose ν² exceeds gate² s, is one that depends on nothing:
-    with f = 0 `correct` leaves everything as it is, exactly.
+
+def split_belief(belief: AnyExpr, n: int) -> tuple[AnyExpr, AnyExpr]:
+    """(factor, error) of a belief."""
+    first = n * (n + 1) // 2
+    return ca.sparsity_cast(belief[:first], ca.Sparsity.upper(n)), belief[first:]
+
+
+@lru_cache(maxsize=64)
+def measure(n: int, gate: float) -> ca.Function:
+    """Bierman's update by a scalar measurement 0 = residual + slope · error + noise.
+
+    With f = Uᵀ slope, v = D f, α_j = variance + Σ_{i≤j} f_i v_i, s = α_n and the innovation
+    ν = −(residual + slope · error), for j from the first to the last:
+
+        D_j ← D_j α_{j-1}/α_j,    U_ij ← U_ij − b_i f_j/α_{j-1},    b_i ← b_i + U_ij v_j,
+        error ← error + b ν/s
+
+    A measurement whose residual is NaN, or whose ν² exceeds gate² s, is one that depends on
+    nothing: f = 0 leaves everything as it is, exactly.
 
     Returns
     -------
     casadi.Function
-        (error (n, 1), factor, row (n, 1), residual, variance, seen) -> f or zeros, ν, ν/√s (0 if
-        not seen), and whether it was used.
+        (belief, the same again, row = (slope, residual), variance) -> belief, and ν/√s, 0 if NaN,
+        with whether it was used. The belief is an input twice so that generated C reads it anew
+        where it changes it, and holds none of it meanwhile.
     """
-    error, row = ca.SX.sym("error", n), ca.SX.sym("row", n)
-    factor = ca.SX.sym("factor", ca.Sparsity.upper(n))
-    residual, variance, seen = (ca.SX.sym(key) for key in ("residual", "variance", "seen"))
+    size = n * (n + 1) // 2 + n
+    belief, again = ca.SX.sym("belief", size), ca.SX.sym("again", size)
+    row, variance = ca.SX.sym("row", n + 1), ca.SX.sym("variance")
+    factor, error = split_belief(belief, n)
     f = [row[j] + sum(factor[i, j] * row[i] for i in range(j)) for j in range(n)]
     s = variance + sum(factor[j, j] * f[j] ** 2 for j in range(n))
-    innovation = -(residual + ca.dot(row, error))
+    seen = ca.logic_or(row[n] < 0, row[n] >= 0)
+    innovation = -(ca.if_else(seen, row[n], 0) + ca.dot(row[:n], error))
     used = seen * (innovation**2 <= gate**2 * s)
-    arguments = [error, factor, row, residual, variance, seen]
-    outputs = [used * ca.vertcat(*f), innovation, seen * innovation / ca.sqrt(s), used]
-    return ca.Function("ud_innovate", arguments, outputs, _CSE)
+    said = ca.vertcat(seen * innovation / ca.sqrt(s), used)
+    f = [used * f_j for f_j in f]
 
-
-@lru_cache(maxsize=64)
-def correct(n: int) -> ca.Function:
-    """Bierman's measurement update: (factor, f, variance, error, ν) -> factor, error.
-
-    With v = D f and α_j = variance + Σ_{i≤j} f_i v_i, for j from the first to the last:
-
-        D_j ← D_j α_{j-1}/α_j,    U_ij ← U_ij − b_i f_j/α_{j-1},    b_i ← b_i + U_ij v_j,
-        error ← error + b ν/α_n
-    """
-    factor, f = ca.SX.sym("factor", ca.Sparsity.upper(n)), ca.SX.sym("f", n)
-    error, innovation = ca.SX.sym("error", n), ca.SX.sym("innovation")
-    variance = ca.SX.sym("variance")
+    factor, error = split_belief(again, n)
     new = ca.SX(factor.sparsity())
     gain: list[ca.SX] = []
     alpha = variance
@@ -88,37 +95,26 @@ def correct(n: int) -> ca.Function:
             gain[i] += factor[i, j] * v
         new[j, j] = factor[j, j] * (before / alpha)
         gain.append(v)
-    error_after = error + ca.vertcat(*gain) * (innovation / alpha)
-    arguments = [factor, f, variance, error, innovation]
-    return ca.Function("ud_correct", arguments, [new, error_after], _CSE)
+    moved = error + ca.vertcat(*gain) * (innovation / alpha)
+    arguments = [belief, again, row, variance]
+    return ca.Function("ud_measure", arguments, [belief_of(new, moved), said], _CSE)
 
 
-@lru_cache(maxsize=64)
-def measure_rows(n: int, rows: int, gate: float) -> ca.Function:
-    """Scalar measurements with the rows of a slope (rows, n), one after another.
+def measure_rows(
+    belief: AnyExpr, rows: AnyExpr, variances: Array, gate: float
+) -> tuple[AnyExpr, list[AnyExpr]]:
+    """`measure` by the columns of `rows` (n + 1, r), one after another.
 
-    (error, factor, slope', residual, variance, seen) -> error, factor, ν/√s and used (rows, 1), of
-    the slope transposed. MX: calls of `innovate` and `correct`, which are two so that neither holds
-    the factor for long; as one they took twice the code.
+    Returns
+    -------
+    belief, and of each measurement ν/√s and whether it was used, (2, 1)
     """
-    error, slope = ca.MX.sym("error", n), ca.MX.sym("slope", n, rows)
-    factor = ca.MX.sym("factor", ca.Sparsity.upper(n))
-    residual, variance, seen = (ca.MX.sym(key, rows) for key in ("residual", "variance", "seen"))
-    arguments = [error, factor, slope, residual, variance, seen]
+    step = measure(rows.shape[0] - 1, gate)
     said = []
-    for k in range(rows):
-        f, innovation, *found = innovate(n, gate)(
-            error, factor, slope[:, k], residual[k], variance[k], seen[k]
-        )
-        factor, error = correct(n)(factor, f, variance[k], error, innovation)
-        said.append(found)
-    outputs = [error, factor, *(ca.vertcat(*x) for x in zip(*said, strict=True))]
-    return ca.Function("ud_measure_rows", arguments, outputs, _CSE)
-
-
-def measure(n: int, gate: float) -> ca.Function:
-    """`measure_rows` of one row, (n, 1)."""
-    return measure_rows(n, 1, gate)
+    for k, variance in enumerate(variances):
+        belief, told = step(belief, belief, rows[:, k], variance)
+        said.append(told)
+    return belief, said
 
 
 @lru_cache(maxsize=64)

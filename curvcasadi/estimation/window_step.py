@@ -30,10 +30,10 @@ def arrival_function(problem: WindowProblem) -> ca.Function:
 
     both = ca.diagcat(ca.MX(ca.diag(ca.DM(problem.deviations**2))), factor)
     before = ca.project(both, ca.Sparsity.upper(both.shape[0]))
-    error = ca.vertcat(-unknown, mean - state)
-    count = residual.shape[0]
-    correct = ud.measure_rows(problem.node.size, count, np.inf)
-    error, after, *_ = correct(error, before, rows, residual, ca.DM.ones(count), ca.DM.ones(count))
+    belief = ud.belief_of(before, ca.vertcat(-unknown, mean - state))
+    rows = ca.vertcat(rows, residual.T)
+    belief, _ = ud.measure_rows(belief, rows, np.ones(rows.shape[1]), np.inf)
+    after, error = ud.split_belief(belief, problem.node.size)
     predict = predict_function(f"{problem.name}_predict", problem.process)
     outputs = predict(state + error[other:], after[other:, other:], problem.dt)
     return ca.Function(

@@ -13,18 +13,13 @@ _NOT_NULL = re.compile(r"\(?&?w\w*(\+\d+)?\)?|casadi_c\d+")
 
 
 def without_null_checks(source: str) -> str:
-    """`source` without questions for null pointers where every call of a function passes none.
+    """`source` without questions for null pointers that no call of a function passes.
 
     CasADi asks before every entry of an input or output that is read or written, also in the
     functions that only its own code calls.
     """
     parts = _DEFINITION.split(source)
-    used: dict[str, set[str]] = {}
-    for part in parts:
-        if head := re.match(r"static int (casadi_f\d+)\(", part):
-            used[head[1]] = set(re.findall(r"\b((?:arg|res)\[\d+\])", part))
-    sure: set[str] = set()
-    unsure: set[str] = set()
+    sure: dict[str, set[str]] = {}  # inputs and outputs that every call has given so far
     for part in parts:
         values: dict[str, str] = {}
         for found in _SET_OR_CALL.finditer(part.partition("\n")[2]):
@@ -37,11 +32,17 @@ def without_null_checks(source: str) -> str:
                 for key, value in values.items()
                 if key.startswith((f"{arguments}[", f"{results}[")) and _NOT_NULL.fullmatch(value)
             }
-            (sure if used.get(called, {""}) <= given else unsure).add(called)
+            sure[called] = sure.get(called, given) & given
             values = {}
-    for i, part in enumerate(parts):
-        head = re.match(r"static int (casadi_f\d+)\(", part)
-        if head and head[1] in sure - unsure:
-            part = re.sub(r"(arg\[\d+\]) *\? (\1\[\d+\]) : 0;", r"\2;", part)
-            parts[i] = re.sub(r"if \((res\[\d+\])!=0\) (\1\[\d+\]=)", r"\2", part)
-    return "".join(parts)
+    return "".join(_without(part, sure) for part in parts)
+
+
+def _without(part: str, sure: dict[str, set[str]]) -> str:
+    """The definition of a function without questions for what is `sure` of it."""
+    head = re.match(r"static int (casadi_f\d+)\(", part)
+    for entry in sorted(sure.get(head[1], ())) if head else ():
+        pointer = re.escape(entry)
+        part = re.sub(rf"({pointer}) *\? (\1\[\d+\]) : 0;", r"\2;", part)
+        part = re.sub(rf"({pointer}) *\? \1 : casadi_zeros;", r"\1;", part)
+        part = re.sub(rf"if \({pointer}(?:!=0)?\) (?=({pointer}\[|casadi_copy\())", "", part)
+    return part

@@ -20,7 +20,7 @@ from curvcasadi.sensors.root_motion import RootMotion
 from curvcasadi.sensors.station_functions import (
     derivative_function,
     mount_fields,
-    turning_function,
+    row_function,
     value_function,
 )
 from curvcasadi.shape import curvature
@@ -112,61 +112,43 @@ class Readout:
             found.append([*finish(states[sensor.xi], *self._arguments(sensor), given)])
         return found
 
-    def short_blocks(
-        self, measured: dict[str, AnyExpr], columns: dict[str, int]
-    ) -> list[tuple[AnyExpr, AnyExpr]]:
-        """Of each sensor its residual, and its derivatives, stacked and transposed.
+    def rows(
+        self, measured: dict[str, AnyExpr], columns: dict[str, int], q_ddot: AnyExpr | None
+    ) -> list[AnyExpr]:
+        """Of each sensor its derivatives above its residual, transposed: (1 + columns, r).
 
+        Readings are affine in q_ddot: residuals are those without, derivatives those at `q_ddot`.
         The march carries no accelerations: the derivative by q of an accelerometer is without the
-        part that is quadratic in q_dot, Rᵀ (d/dq)(dJ/dt q_dot) relative to the root, and without
-        that of q_ddot, which `turning` adds. All else is exact.
+        part that is quadratic in q_dot, Rᵀ (d/dq)(dJ/dt q_dot) relative to the root. All else is
+        exact.
         """
-        order = min(self.order, 1)
-        states = self._states(jacobian=True, order=order)
-        zero = ca.DM.zeros(self.beam.basis.n)
-        motion = (self.motion.q_dot, self.motion.q_ddot)
-        rates = ca.vertcat(*(zero if x is None else x for x in motion), self.root.twist_rate)
+        order, n, still = min(self.order, 1), self.beam.basis.n, self._is_still
+        states, turned = self._states(jacobian=True, order=order), self._turned(q_ddot)
+        zero = ca.DM.zeros(n)
+        rates = zero if self.motion.q_dot is None else self.motion.q_dot
+        rates = rates if still else ca.vertcat(rates, self.root.twist_rate)
         found = []
         for part, sensor in zip(self.channels.layout.parts, self.sensors, strict=True):
             given = measured[part.name]
             if _is_gauge(sensor):
                 value, row = self._gauge(sensor)
                 by = {**{name: ca.DM.zeros(1, size) for name, size in columns.items()}, "q": row}
-                found.append((value - given, ca.horzcat(*by.values()).T))
+                found.append(ca.vertcat(*(slope.T for slope in by.values()), value - given))
                 continue
-            finish = derivative_function(
-                _kind(sensor),
-                order,
-                self.beam.basis.n,
-                tuple(columns.items()),
-                short=True,
-                still=self._is_still,
-            )
-            extra = [rates] if sensor.order > order else []
-            residual, slope = finish(states[sensor.xi], *self._arguments(sensor), given, *extra)
-            found.append((residual, slope))
+            read = row_function(_kind(sensor), order, n, tuple(columns.items()), still)
+            extra = [rates, turned[sensor.xi]] if sensor.order > order else []
+            found.append(read(states[sensor.xi], *self._arguments(sensor), given, *extra))
         return found
 
-    def turning(
-        self, q_ddot: AnyExpr, slopes: dict[str, AnyExpr], first: int
-    ) -> dict[str, AnyExpr]:
-        """Slopes of `short_blocks`, by sensor, with what `q_ddot` does to those of accelerometers.
-
-        It is Rᵀ (B_t + A_t × P), with the rates of the spatial Jacobian along `q_ddot`, in the rows
-        of q, which begin at `first`.
-        """
-        names = [part.name for part in self.channels.layout.parts]
-        movers: dict[str, Any] = {
-            name: s for name, s in zip(names, self.sensors, strict=True) if s.order == 2
-        }
-        stations = tuple(dict.fromkeys(s.xi for s in movers.values()))
+    def _turned(self, q_ddot: AnyExpr | None) -> dict[float, AnyExpr]:
+        """Rates of the spatial Jacobian along `q_ddot` at each accelerometer, by xi."""
+        n = self.beam.basis.n
+        stations = tuple(dict.fromkeys(s.xi for s in self.sensors if s.order == 2))
+        if q_ddot is None or not stations:
+            return dict.fromkeys(stations, ca.DM.zeros(6 * n))
         motion = Motion(self.motion.q, q_ddot)
         states = motion_states(chain.build(self.beam, stations), motion, 1, True)
-        at, turned = dict(zip(stations, states, strict=True)), dict(slopes)
-        for name, sensor in movers.items():
-            turn = turning_function(self.beam.basis.n, slopes[name].shape[0], first)
-            turned[name] = turn(at[sensor.xi], sensor.offset, sensor.mounting, slopes[name])
-        return turned
+        return {xi: state[-6 * n :] for xi, state in zip(stations, states, strict=True)}
 
     @property
     def _is_still(self) -> bool:
@@ -187,14 +169,14 @@ class Readout:
     def _arguments(self, sensor: Sensor) -> tuple[AnyExpr, AnyExpr]:
         """Frames and mount of a sensor, stacked."""
         pose, root = self.root.pose, self.beam.root
-        world = READINGS[type(sensor)].world
+        world = getattr(self.root, READINGS[type(sensor)].world or "gravity")
         frames = ca.veccat(
             pose.rotation,
             pose.position,
             root.rotation,
             root.position,
             self.root.twist,
-            ca.DM.zeros(3) if world is None else getattr(self.root, world),
+            ca.DM.zeros(3) if world is None else world,
         )
         return frames, ca.veccat(*mount_fields(sensor).values())
 

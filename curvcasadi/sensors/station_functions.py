@@ -52,49 +52,81 @@ def derivative_function(
     order: int,
     n: int,
     columns: tuple[tuple[str, int], ...],
-    *,
-    short: bool = False,
-    still: bool = False,
 ) -> ca.Function:
     """(state, frames, mount, measured) -> value, residual, and its derivatives, one per column set.
 
     The state is that of a march of `order` with the sums of n weights. `columns` are names of what
-    is varied, with sizes; what a sensor does not depend on gives zeros. With `short` the outputs
-    are the residual and all derivatives, stacked and transposed. An accelerometer after a march of
-    order 1 has a further input, (q_dot, q_ddot, twist rate): see `_accelerated`; `still` says that
-    the root is at rest.
+    is varied, with sizes; what a sensor does not depend on gives zeros.
     """
+    state, inputs, arguments = _symbols(kind, order, n)
+    outputs = _derivatives(kind, columns, inputs[-1], *arguments)
+    return ca.Function(f"differentiate_{kind.prefix}", [state, *inputs], [*outputs], {"cse": True})
+
+
+@lru_cache(maxsize=256)
+def row_function(
+    kind: Any, order: int, n: int, columns: tuple[tuple[str, int], ...], still: bool
+) -> ca.Function:
+    """(state, frames, mount, measured) -> rows (1 + columns, r): derivatives above the residual.
+
+    Both transposed: a column is a scalar measurement, in one piece. An accelerometer after a march
+    of order 1 has two inputs more, (q_dot, twist rate), without the latter where the root is
+    `still`: see `_accelerated`; and (A_t, B_t) along q_ddot: see `_turning`.
+    """
+    state, inputs, (at, frames, mount) = _symbols(kind, order, n)
+    measured, turned = inputs[-1], ca.SX(len(kind.residual_components), n)
+    if kind.order > order:
+        rates, sums = ca.SX.sym("rates", n if still else n + 6), ca.SX.sym("sums", 6 * n)
+        inputs += [rates, sums]
+        at = _accelerated(at, rates, None if still else frames.twist)
+        turned = _turning(at, mount, sums)
+    _, error, *blocks = _derivatives(kind, columns, measured, at, frames, mount)
+    slopes = dict(zip(dict(columns), blocks, strict=True))
+    slopes["q"] += turned
+    rows = ca.vertcat(*(slope.T for slope in slopes.values()), error.T)
+    return ca.Function(f"read_{kind.prefix}", [state, *inputs], [rows], {"cse": True})
+
+
+def _symbols(kind: Any, order: int, n: int) -> tuple[ca.SX, list[ca.SX], tuple[Any, ...]]:
+    """State of a march with sums; frames, mount and sample; and what the first three mean."""
     state = ca.SX.sym("state", 12 + 6 * order + 6 * n * (order + 1))
     frames, mount = ca.SX.sym("frames", sum(_FRAMES)), ca.SX.sym("mount", _mount_size(kind))
     measured = ca.SX.sym("measured", len(kind.components))
-    inputs = [state, frames, mount, measured]
-    at, unpacked = unpack_motion(state, order), _unpack_frames(frames)
-    if kind.order > order:
-        inputs.append(ca.SX.sym("rates", 2 * n + 6))
-        at = _accelerated(at, inputs[-1], None if still else unpacked.twist)
-    arguments = at, unpacked, _unpack_mount(kind, mount)
-    value = READINGS[kind].value(*arguments)
-    slopes = READINGS[kind].slopes(*arguments)
+    meaning = unpack_motion(state, order), _unpack_frames(frames), _unpack_mount(kind, mount)
+    return state, [frames, mount, measured], meaning
+
+
+def _derivatives(
+    kind: Any,
+    columns: tuple[tuple[str, int], ...],
+    measured: ca.SX,
+    at: StationMotion,
+    frames: Frames,
+    mount: Mount,
+) -> list[ca.SX]:
+    """Value, residual, and its derivatives, one per column set."""
+    value = READINGS[kind].value(at, frames, mount)
+    slopes = READINGS[kind].slopes(at, frames, mount)
+    if "twist" in slopes:
+        slopes["root_gyro_bias"] = -slopes["twist"][:, :3]  # taken off a twist that is measured
     rows = len(kind.residual_components)
     error = residual(kind, value, measured)
     by_variation = ca.DM.eye(rows)
     if kind is AttitudeSensor:
-        by_variation = so3.right_jacobian_inverse(error)
+        there = ca.logic_or(error < 0, error >= 0)
+        by_variation = so3.right_jacobian_inverse(ca.if_else(there, error, 0))
     blocks = [
         ca.densify(by_variation @ slopes[name]) if name in slopes else ca.SX.zeros(rows, size)
         for name, size in columns
     ]
-    outputs = [value, error, *blocks]
-    if short:
-        outputs = [error, ca.vertcat(*(block.T for block in blocks))]
-    return ca.Function(f"differentiate_{kind.prefix}", inputs, outputs, {"cse": True})
+    return [value, error, *blocks]
 
 
 def _accelerated(at: StationMotion, rates: ca.SX, root_twist: ca.SX | None) -> StationMotion:
-    """A station with its acceleration, from a march without, and rates (q_dot, q_ddot, V̇_0).
+    """A station with its acceleration, from a march without, and rates (q_dot, V̇_0), no q_ddot.
 
-    V̇ = V̇_0 + J_t q_dot + J q_ddot, exactly. Of the second rate of J = [A; B] only what a turning
-    root does to it, with V_0 the root's twist and ad(ω, v) (a, b) = (ω × a, v × a + ω × b):
+    V̇ = V̇_0 + J_t q_dot, exactly. Of the second rate of J = [A; B] only what a turning root does to
+    it, with V_0 the root's twist and ad(ω, v) (a, b) = (ω × a, v × a + ω × b):
 
         J_tt ≈ ad(V̇_0) J + 2 ad(V_0) J_t − ad(V_0)² J
 
@@ -102,37 +134,28 @@ def _accelerated(at: StationMotion, rates: ca.SX, root_twist: ca.SX | None) -> S
     """
     j, j_t = (ca.vertcat(*block) for block in at.sums)
     n = j.shape[1]
-    q_dot, q_ddot, twist_rate = _split(rates, (n, n, 6))
-    acceleration = twist_rate + j_t @ q_dot + j @ q_ddot
-    j_tt = ca.SX(6, n)
+    acceleration, j_tt = j_t @ rates[:n], ca.SX(6, n)
     if root_twist is not None:
-        ad = _ad(root_twist)
+        ad, twist_rate = _ad(root_twist), rates[n:]
+        acceleration += twist_rate
         j_tt = _ad(twist_rate) @ j + 2 * (ad @ j_t) - ad @ (ad @ j)
     sums = (*at.sums, (j_tt[:3, :], j_tt[3:, :]))
     return at._replace(acceleration=acceleration, sums=sums)
 
 
+def _turning(at: StationMotion, mount: Mount, sums: ca.SX) -> ca.SX:
+    """What q_ddot does to the derivative of an accelerometer by q: Rᵀ (B_t + A_t × P).
+
+    `sums` are rates (A_t, B_t) of the spatial Jacobian along q_ddot.
+    """
+    a_t, b_t = (ca.reshape(part, 3, -1) for part in ca.vertsplit(sums, sums.numel() // 2))
+    point = at.position + at.rotation @ mount.offset
+    return mount.mounting.T @ at.rotation.T @ (b_t - so3.hat(point) @ a_t)
+
+
 def _ad(twist: ca.SX) -> ca.SX:
     omega, v = so3.hat(twist[:3]), so3.hat(twist[3:])
     return ca.blockcat([[omega, ca.SX(3, 3)], [v, omega]])
-
-
-@lru_cache(maxsize=64)
-def turning_function(n: int, rows: int, first: int) -> ca.Function:
-    """(state of a march of order 1, offset, mounting, slope) -> slope with what turns added.
-
-    Rᵀ (B_t + A_t × P), transposed, from row `first` of a slope (rows, 3).
-    """
-    state = ca.SX.sym("state", 18 + 12 * n)
-    offset, mounting = ca.SX.sym("offset", 3), ca.SX.sym("mounting", 3, 3)
-    slope = ca.SX.sym("slope", rows, 3)
-    at = unpack_motion(state, 1)
-    a_t, b_t = at.sums[1]
-    point = at.position + at.rotation @ offset
-    turned = mounting.T @ at.rotation.T @ (b_t - so3.hat(point) @ a_t)
-    after = slope[:, :]
-    after[first : first + n, :] += turned.T
-    return ca.Function("turning", [state, offset, mounting, slope], [after], {"cse": True})
 
 
 def residual(kind: Any, value: AnyExpr, measured: AnyExpr) -> AnyExpr:

@@ -35,6 +35,8 @@ class Library:
     #: by function, samples at which it is compared and measured; random weights unless given
     reference_inputs: Callable[[cc.Beam], Mapping[str, Any]] = field(default=lambda _: {})
     cpus: tuple[str, ...] = CPUS
+    #: name of the program that calls all functions in turn, with shared buffers, if there is one
+    together: str | None = None
 
     def export(self, directory: Any) -> dict[str, Any]:
         """The manifest of what is written into `directory`."""
@@ -44,6 +46,7 @@ class Library:
             real=self.beam.grid.real,
             beam=self.beam,
             reference_inputs=self.reference_inputs(self.beam),
+            shared_buffers=self.together is not None,
         )
 
 
@@ -224,6 +227,7 @@ LIBRARIES = (
         beam=wing(16, rule="magnus4"),
         functions=filter_steps,
         reference_inputs=filter_samples,
+        together="ekf_step",
     ),
 )
 

@@ -3,7 +3,8 @@
     python -m codegen.target [--only NAME …] [--update] [--out out/codegen]
 
 Exports the libraries of `benchmark_functions`, compiles them for the targets, runs their
-self-tests in qemu, each function in a program of its own, and prints a table. Fails where a
+self-tests in qemu, each function in a program of its own and, where a library says so, all of them
+in one, and prints a table. Fails where a
 result is not that of Python, where single precision calls double, and where a number exceeds its
 budget by more than 3 %.
 """
@@ -23,8 +24,10 @@ from codegen.benchmark_functions import LIBRARIES, RELATIONS, Library
 _MEASURED = re.compile(r"^measured (\w+) instructions=(\d+) stack=(\d+)$", re.M)
 
 
-def measure(folder: Path, cpu: str, real: str, functions: Sequence[str]) -> dict[str, dict]:
-    """Sizes, stack and instructions of the exported `functions`, by name."""
+def measure(
+    folder: Path, cpu: str, real: str, programs: Mapping[str, Sequence[str]]
+) -> dict[str, dict]:
+    """Sizes, stack and instructions of `programs`, each of exported functions that it calls."""
     build = folder / cpu
     library = [
         toolchain.compile_c(folder / f"{name}.c", build / f"{name}.o", cpu, real=real)
@@ -34,11 +37,23 @@ def measure(folder: Path, cpu: str, real: str, functions: Sequence[str]) -> dict
     if doubles:
         raise RuntimeError(f"{folder.name}: single precision calls {', '.join(doubles)}")
     common = [*library, *toolchain.startup(build, cpu)]
-    return {name: _measure(folder, build, cpu, name, common) for name in functions}
+    return {
+        name: _measure(folder, build, cpu, name, functions, common)
+        for name, functions in programs.items()
+    }
 
 
-def _measure(folder: Path, build: Path, cpu: str, name: str, common: list[Path]) -> dict[str, int]:
-    hooks = ["-DCHECK_ONLY", f"-DCHECK_{name}", '-DCHECK_HOOKS="measure.h"', "-std=gnu99"]
+def _measure(
+    folder: Path,
+    build: Path,
+    cpu: str,
+    name: str,
+    functions: Sequence[str],
+    common: list[Path],
+) -> dict[str, int]:
+    """Of the program `name`: the instructions of one call of each function, its deepest stack."""
+    chosen = [f"-DCHECK_{function}" for function in functions]
+    hooks = ["-DCHECK_ONLY", *chosen, '-DCHECK_HOOKS="measure.h"', "-std=gnu99"]
     check = toolchain.compile_c(
         folder / "check.c",
         build / f"check_{name}.o",
@@ -48,8 +63,8 @@ def _measure(folder: Path, build: Path, cpu: str, name: str, common: list[Path])
     program = build / f"{name}.elf"
     linked = toolchain.link([*common, check], program, cpu)
     printed = toolchain.emulate(program, cpu)
-    found = _MEASURED.search(printed)
-    if not found or found[1] != name:
+    found = _MEASURED.findall(printed)
+    if [function for function, *_ in found] != [*functions]:
         raise RuntimeError(f"{program}: no measurement of {name} in what it printed:\n{printed}")
     own = map_file.sizes(linked, ["curv.o", "curv_functions.o"])
     libm = map_file.sizes(linked, ["libm.a"])
@@ -58,8 +73,8 @@ def _measure(folder: Path, build: Path, cpu: str, name: str, common: list[Path])
         "tables": own["tables"],
         "libm": libm["code"] + libm["tables"],
         "ram": own["ram"],
-        "stack": int(found[3]),
-        "instructions": int(found[2]),
+        "stack": max(int(stack) for *_, stack in found),
+        "instructions": sum(int(instructions) for _, instructions, _ in found),
     }
 
 
@@ -69,8 +84,11 @@ def measure_all(libraries: Sequence[Library], out: Path) -> dict[str, dict[str, 
         running = {}
         for library in libraries:
             functions = [*library.export(out / library.name)["functions"]]
+            programs = {name: [name] for name in functions}
+            if library.together:
+                programs[library.together] = functions
             for cpu in library.cpus:
-                task = (measure, out / library.name, cpu, library.beam.grid.real, functions)
+                task = (measure, out / library.name, cpu, library.beam.grid.real, programs)
                 running[library.name, cpu] = pool.submit(*task)
         return {
             f"{library}.{function}.{cpu}": numbers

@@ -167,6 +167,26 @@ def test_only_the_buffers_of_plain_wrappers_are_variables(exported):
     assert [manifest["static_state"], manifest["constant_tables"]] == [False, "const"]
 
 
+def test_shared_buffers_are_one_variable_as_large_as_the_largest(tmp_path):
+    x, y = ca.MX.sym("x"), ca.MX.sym("y", 8)
+    small, large = ca.Function("small", [x], [-x]), ca.Function("large", [y], [2 * y])
+    sizes = {}
+    for shared in (False, True):
+        folder = tmp_path / str(shared)
+        manifest = cc.export_c([small, large], folder, shared_buffers=shared)
+        assert manifest["shared_buffers"] is shared
+        assert run_check(folder) == {"small": 0, "large": 0}
+        _gcc(folder, "-c", "curv.c", "-o", "curv.o")
+        printed = subprocess.run(
+            ["nm", "-S", "curv.o"], cwd=folder, check=True, capture_output=True, text=True
+        )
+        sizes[shared] = [
+            int(line.split()[1], 16) for line in printed.stdout.splitlines() if " b buffers" in line
+        ]
+    assert sizes[True] == [max(sizes[False])]
+    assert "interrupts included" in (tmp_path / "True" / "curv.h").read_text()
+
+
 def test_the_reentrant_forms_alone_keep_no_variable(exported, tmp_path):
     folder, _ = exported
     _gcc(

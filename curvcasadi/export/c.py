@@ -16,6 +16,12 @@ from curvcasadi.export.c_function import CFunction, c_functions
 from curvcasadi.export.manifest import manifest
 from curvcasadi.expressions import choice, function_name
 
+#: What a caller must know of static memory, by whether it is shared.
+_CALLERS = {
+    False: "The plain form keeps its buffers in static memory: one caller at a time.",
+    True: "The plain forms share buffers in static memory: one caller of any of them at a time,\n"
+    "   interrupts included.",
+}
 _SIZES = {"double": 8, "float": 4}
 
 
@@ -26,6 +32,7 @@ def export_c(
     real: Literal["double", "float"] = "double",
     beam: Beam | None = None,
     name: str = "curv",
+    shared_buffers: bool = False,
     reference_inputs: Mapping[str, Sequence[Sequence[Any]]] | None = None,
 ) -> dict[str, Any]:
     """Write `functions` as C99 with typed, checked wrappers, a self-test and a CMake project.
@@ -44,6 +51,8 @@ def export_c(
     beam : whose weights the inputs q and q_guess of plain Functions are: their wrappers refuse
         weights beyond its bounds or its largest element angle
     name : prefix of the files and of all names in the header
+    shared_buffers : whether the plain calls share one piece of static memory, as large as the
+        largest of them needs: then no two of them may run at once, as from an interrupt
     reference_inputs : by function name, the inputs at which the self-test compares; five
         weight-sized random ones (|x| ≤ 0.05) unless given. Solvers need theirs.
 
@@ -91,7 +100,9 @@ def export_c(
         "FUNCTIONS": ", ".join(f.name for f in exports),
         "DECLARATIONS": "\n".join(map(wrappers.declaration, wrapped)),
         "HELPERS": wrappers.helpers(wrapped),
-        "DEFINITIONS": "\n".join(map(wrappers.definition, wrapped)),
+        "BUFFERS": wrappers.shared_buffers(wrapped) if shared_buffers else "",
+        "CALLERS": _CALLERS[shared_buffers],
+        "DEFINITIONS": "\n".join(wrappers.definition(w, shared=shared_buffers) for w in wrapped),
         "MACROS": generated.float_macros(),
         **self_test.fields(wrapped, reference_inputs or {}),
     }
@@ -107,6 +118,7 @@ def export_c(
     if real == "float":
         texts[f"{name}_float.h"] = _filled("float.h.in", fields)
     described = manifest(wrapped, source, sorted(texts), real)
+    described["shared_buffers"] = shared_buffers
     texts["manifest.json"] = json.dumps(described, indent=2) + "\n"
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)

@@ -126,19 +126,26 @@ def declaration(wrapper: Wrapper) -> str:
     return "\n".join(lines) + "\n"
 
 
-def definition(wrapper: Wrapper) -> str:
-    """Both forms of the call, and the bounds of the weights."""
+def definition(wrapper: Wrapper, *, shared: bool) -> str:
+    """Both forms of the call, and the bounds of the weights; see `shared_buffers`."""
     tables = "".join(_bounds(wrapper, key, beam) for key, beam in wrapper.export.weights.items())
-    arguments = ", ".join(["&buffers", *(c for _, c, _ in wrapper.inputs), "out"])
+    buffers = f"&buffers.{wrapper.export.name}" if shared else "&buffers"
+    own = "" if shared else f"  static {wrapper.name}_work buffers;\n"
+    arguments = ", ".join([buffers, *(c for _, c, _ in wrapper.inputs), "out"])
     body = [*_input_checks(wrapper), *_call(wrapper), *_output_checks(wrapper)]
     return (
         f"{tables}{_head(wrapper, with_work=True)} {{\n"
         + "".join(f"  {line}\n" for line in body)
         + f"  *out = work->out;\n  return {wrapper.prefix.upper()}_OK;\n}}\n\n"
         f"{_head(wrapper, with_work=False)} {{\n"
-        f"  static {wrapper.name}_work buffers;\n"
-        f"  return {wrapper.name}_with({arguments});\n}}\n"
+        f"{own}  return {wrapper.name}_with({arguments});\n}}\n"
     )
+
+
+def shared_buffers(wrappers: Iterable[Wrapper]) -> str:
+    """One place for the buffers of all plain calls, which then exclude each other."""
+    members = "".join(f"  {w.name}_work {w.export.name};\n" for w in wrappers)
+    return f"\nstatic union {{\n{members}}} buffers;\n"
 
 
 def helpers(wrappers: Iterable[Wrapper]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import casadi as ca
+import numpy as np
 
 from curvcasadi.beam import Beam
 from curvcasadi.expressions import Number, count, function_name, positive
@@ -75,7 +76,8 @@ def shape_target_function(
         violation (1, 1): the largest error of an unweighted target over its tolerance, or excess
         over a limit of weights, curvature (rad/m) or squared element angle (rad²) over 1e-6 (float:
         1e-5), at most 1 where all is kept; stationarity (1, 1): what is left of the optimality
-        conditions (of the last programs, for `iterations`) over 1e-8 rad/m (float: 1e-4), at most 1
+        conditions (of the last programs, for `iterations`) over 1e-8 rad/m (float: 1e-6), or what a
+        Newton step would still take from the residual over 1e-6 (float: 1e-4), at most 1
         where it converged. It does not raise, but for NaN inputs: check both. From an exactly
         straight guess a target on the beam's axis has no gradient: guess a slight bend.
     """
@@ -117,6 +119,7 @@ def shape_target_function(
         Bounds(*beam.bounds, limits.lower, limits.upper),
         nominal=(0, ca.vertcat(at_rest, ca.DM.zeros(multipliers.shape), 1, 1)),
         real=beam.grid.real,
+        residual_unit=max([1.0, *(np.sqrt(t.weight) for t in targets if t.weight is not None)]),
         scaled=beam.grid.real == "float" or not constrained,
         iterations=None if iterations is None else count("iterations", iterations),
         max_iter=max_iter,

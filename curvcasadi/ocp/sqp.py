@@ -26,13 +26,15 @@ class Tolerances(NamedTuple):
     dual: float  #: of the gradient, at which they end
     primal: float  #: of the constraints, at which they end
     program: tuple[float, float]  #: of a quadratic program, primal and dual
-    stationarity: float  #: of a solution that is called one
+    stationarity: float  #: of the optimality conditions of a solution that is called one
+    decrement: float  #: of a residual that a Newton step would still take away
     limit: float  #: by which a solution may exceed a limit
+    flat: float  #: curvature beside which that of the objective is none
 
 
 TOLERANCES: dict[Real, Tolerances] = {
-    "double": Tolerances(1e-10, 1e-13, 1e-9, (1e-10, 1e-12), 1e-8, 1e-6),
-    "float": Tolerances(3e-5, 1e-9, 1e-6, (3e-7, 1e-8), 1e-4, 1e-5),
+    "double": Tolerances(1e-10, 1e-13, 1e-9, (1e-10, 1e-12), 1e-8, 1e-6, 1e-6, 1e-12),
+    "float": Tolerances(3e-5, 1e-9, 1e-6, (3e-7, 1e-8), 1e-6, 1e-4, 1e-5, 1e-6),
 }
 
 
@@ -87,6 +89,7 @@ def gauss_newton_sqp(
     *,
     nominal: tuple[Number, Number],
     real: Real,
+    residual_unit: float | None = None,
     scaled: bool = True,
     iterations: int | None = None,
     max_iter: int = 100,
@@ -102,6 +105,9 @@ def gauss_newton_sqp(
         objective. Gradients and multipliers then have the size of x, which `qrqp` needs: unscaled
         it gave up on half of the programs with many active bounds
     real : of the numbers that it will compute with, for tolerances that it can meet
+    residual_unit : size of one unit in ½ |residual|², of which the objective is made: the
+        certificate then asks, too, what a Newton step would still take from the residual along
+        directions in which the objective is soft
     scaled : False keeps the objective as it is, for QP solvers that would lose the least part of it
     iterations : None to converge within `max_iter`; k for k quadratic programs with full steps
     """
@@ -149,11 +155,13 @@ def gauss_newton_sqp(
             x,
             parameters,
             objective,
-            None if iterations is None else hessian,
+            hessian,
             constraints,
             bounds,
-            stiffness,
-            tolerances.stationarity,
+            tolerances,
+            stiffness=stiffness,
+            linearized=iterations is not None,
+            residual_unit=residual_unit and residual_unit * np.sqrt(stiffness / float(largest)),
         ),
         iterations=iterations,
     )
@@ -164,26 +172,30 @@ def _certificate(
     x: ca.MX,
     parameters: ca.MX,
     objective: ca.MX,
-    hessian: ca.MX | None,
+    hessian: ca.MX,
     constraints: ca.MX,
     bounds: Bounds,
+    tolerances: Tolerances,
+    *,
     stiffness: float,
-    tolerance: float,
+    linearized: bool,
+    residual_unit: float | None,
 ) -> ca.Function:
     """(solution, p, λ_x, λ_g[, x]) -> violation, stationarity.
 
-    Without a Hessian the optimality conditions at the solution: ∇f + Jᵀ λ_g + λ_x = 0, and a
-    multiplier only where its bound is reached; with it those of the quadratic program at x, with f
-    and the constraints expanded about it. All over `stiffness`, the size of the Hessian, and so
-    in units of x.
+    The optimality conditions at the solution: r = ∇f + Jᵀ λ_g + λ_x = 0, and a multiplier only
+    where its bound is reached; linearized those of the quadratic program at x, with f and the
+    constraints expanded about it. All over `stiffness`, the size of the Hessian, and so in units of
+    x. With a unit of residuals also the Newton decrement (rᵀ H⁻¹ r)^½: the bound of what is left to
+    gain, as a residual.
     """
     n, m = x.shape[0], constraints.shape[0]
     lam_x, lam_g = ca.MX.sym("lam_x", n), ca.MX.sym("lam_g", m)
-    solution = x if hessian is None else ca.MX.sym("solution", n)
-    gradient = ca.gradient(objective + ca.dot(lam_g, constraints), x) + lam_x
+    solution = ca.MX.sym("solution", n) if linearized else x
+    left = ca.gradient(objective + ca.dot(lam_g, constraints), x) + lam_x
     expanded = values = constraints
-    if hessian is not None:
-        gradient += hessian @ (solution - x)
+    if linearized:
+        left += hessian @ (solution - x)
         expanded = constraints + ca.jtimes(constraints, x, solution - x)
         constrained = ca.Function(f"{name}_constraints", [x, parameters], [constraints])
         values = constrained(solution, parameters)
@@ -196,9 +208,14 @@ def _certificate(
         ca.fmin(ca.fmax(multipliers, 0), ca.fmax(upper - reached, 0)),
         ca.fmin(ca.fmax(-multipliers, 0), ca.fmax(reached - lower, 0)),
     )
+    errors = [left / (stiffness * tolerances.stationarity), idle / tolerances.stationarity]
+    if residual_unit is not None:
+        curved = hessian + stiffness * tolerances.flat * ca.DM.eye(n)
+        gain = ca.dot(left, ca.solve(curved, left, "qr"))
+        errors.append(ca.sqrt(gain) / (residual_unit * tolerances.decrement))
     values = ca.vertcat(solution, values)
     violation = ca.mmax(ca.vertcat(0, lower - values, values - upper))
     # The Euclidean norm, as a maximum would overlook NaN.
-    stationarity = ca.norm_2(ca.vertcat(gradient / stiffness, idle)) / tolerance
-    at = [] if hessian is None else [x]
+    stationarity = ca.norm_2(ca.vertcat(*errors))
+    at = [x] if linearized else []
     return ca.Function(name, [solution, parameters, lam_x, lam_g, *at], [violation, stationarity])

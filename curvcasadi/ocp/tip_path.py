@@ -61,7 +61,7 @@ def tip_path_step_function(
         Outputs: u, the input to apply now; plan, the guess for the next step, shifted by a stage;
         states (n, N + 1); violation (1, 1): the largest excess over a bound, or of the model, over
         1e-6 (`ControlModel.real` float: 1e-5); stationarity (1, 1): what is left of the optimality
-        conditions, of the last program for a number of iterations, over 1e-8 (float: 1e-4). At most
+        conditions, of the last program for a number of iterations, over 1e-8 (float: 1e-6). At most
         1 both, where `u` may be applied.
     """
     function_name("name", name)

@@ -150,7 +150,7 @@ def test_weighted_targets_are_least_squares_and_miss_nothing():
     targets = _targets(WING, q, KINDS["pose"], weight=2.0)
     f = cc.shape_target_function(WING, targets)
     result = _solve(f, targets)
-    assert float(result["violation"]) == 0
+    assert float(result["violation"]) <= 1e-9  # rounding of the target's rotation, over 1e-3
     # Reachable, and regularized by 1e-8: near the targets, not on them.
     assert float(result["distances"]) < 1e-3
     other = cc.reach_shape(WING, targets)

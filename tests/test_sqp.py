@@ -143,3 +143,32 @@ def test_what_qrqp_could_not_solve_is_not_certified_and_the_rest_is_right():
             refused += 1
     # Half of such programs without scaled objectives.
     assert refused <= 9
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [np.zeros((3, 3)), 2 * np.eye(3), -np.eye(3), np.diag([1, 1, -1]), np.ones((3, 3))],
+    ids=str,
+)
+def test_rotations_that_are_none_are_no_solution(matrix):
+    model = cc.kinematic_model(WING, time_constant=0.3)
+    step = cc.tip_path_step_function(model, dt=0.1, horizon=2, iterations=1)
+    attitude = cc.shape_target_function(WING, [cc.Target(xi=1.0, rotation=np.eye(3), weight=1.0)])
+    path = {"positions": ca.repmat(WING.root.position, 1, 2), "rotations": np.tile(matrix, 2)}
+    found = step(x=0.001, p=0, u_previous=0.001, guess=0, **path)["violation"]
+    assert not float(found) <= 1
+    assert not float(attitude(q_guess=0.001, rotations=matrix)["violation"]) <= 1
+    # Rotations in single precision are ones.
+    true = WING.root.rotation.full().astype(np.float32)
+    assert float(attitude(q_guess=0.001, rotations=true)["violation"]) <= 1
+
+
+def test_soft_directions_are_seen_by_the_decrement():
+    # A step along the span, the softest direction of a tip: its gradient is small, its error not.
+    some, whole = (
+        cc.shape_target_function(WING, [TIP], regularization=1e-4, max_iter=n) for n in (1, 100)
+    )
+    q = whole(q_guess=0.01, positions=[0, 13, -7])["q"]
+    assert float(whole(q_guess=q, positions=[0, 13, -7])["stationarity"]) <= 1
+    moved = some(q_guess=q + 0.02 * np.eye(9)[8], positions=[0, 13, -7])
+    assert float(moved["stationarity"]) > 1

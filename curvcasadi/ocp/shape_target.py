@@ -19,6 +19,7 @@ from curvcasadi.ocp.targets import (
     regularizer_matrix,
     residuals,
     rest_values,
+    rotation_defect,
     shape_limits,
 )
 
@@ -75,11 +76,12 @@ def shape_target_function(
         the order of `targets`. Outputs: q (n, 1), rad/m; distances (P, 1), m; angles (R, 1), rad;
         violation (1, 1): the largest error of an unweighted target over its tolerance, or excess
         over a limit of weights, curvature (rad/m) or squared element angle (rad²) over 1e-6 (float:
-        1e-5), at most 1 where all is kept; stationarity (1, 1): what is left of the optimality
-        conditions (of the last programs, for `iterations`) over 1e-8 rad/m (float: 1e-6), or what a
-        Newton step would still take from the residual over 1e-6 (float: 1e-4), at most 1
-        where it converged. It does not raise, but for NaN inputs: check both. From an exactly
-        straight guess a target on the beam's axis has no gradient: guess a slight bend.
+        1e-5), or error of a target's rotation that is none over 1e-3, at most 1 where all is kept;
+        stationarity (1, 1): what is left of the optimality conditions (of the last programs, for
+        `iterations`) over 1e-8 rad/m (float: 1e-6), and what a Newton step would still take from
+        the residual over 1e-6 (float: 1e-4), at most 1 where it converged. It does not raise, but
+        for NaN inputs: check both. From an exactly straight guess a target on the beam's axis has
+        no gradient: guess a slight bend.
     """
     function_name("name", name)
     targets = checked_problem(beam, targets)
@@ -157,5 +159,6 @@ def shape_target_function(
 
 
 def _miss(problem: Residuals) -> ca.MX:
-    """Largest error of a target to be met over its tolerance."""
-    return ca.mmax(ca.vertcat(0, ca.fabs(problem.to_meet) / problem.tolerances))
+    """Largest error of a target to be met over its tolerance, or of a rotation that is none."""
+    errors = ca.fabs(problem.to_meet) / problem.tolerances
+    return ca.mmax(ca.vertcat(rotation_defect(problem.rotations), errors))

@@ -35,6 +35,9 @@ from curvcasadi.statics import stiffness_matrix
 TOLERANCE = 1e-6
 _TOLERANCES = {"double": TOLERANCE, "float": 10 * TOLERANCE}
 
+#: Error of an entry of a rotation that arrives as an input.
+_ROTATION_TOLERANCE = 1e-3
+
 Regularizer = Literal["smoothness", "strain_energy"]
 REGULARIZERS = ("smoothness", "strain_energy")
 
@@ -176,6 +179,19 @@ def target_residual_function(
         "hessian": jacobian.T @ jacobian,
     }
     return function(name, inputs, outputs)
+
+
+def rotation_defect(rotations: ca.MX) -> ca.MX:
+    """By how much (3, 3 R) matrices are no rotations, over 1e-3: at most 1 where they are ones.
+
+    c_1 × c_2 = c_3, |c_1| = |c_2| = 1, c_1·c_2 = 0: zeros, as where one was forgotten, are none.
+    """
+    defects = [ca.MX(0)]
+    for k in range(0, rotations.shape[1], 3):
+        c1, c2, c3 = (rotations[:, k + i] for i in range(3))
+        lengths = ca.vertcat(ca.sumsqr(c1) - 1, ca.sumsqr(c2) - 1, ca.dot(c1, c2))
+        defects += [ca.fabs(ca.cross(c1, c2) - c3), ca.fabs(lengths)]
+    return ca.mmax(ca.vertcat(*defects)) / _ROTATION_TOLERANCE
 
 
 def _stack(parts: list[AnyExpr]) -> ca.MX:

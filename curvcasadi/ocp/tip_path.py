@@ -10,7 +10,7 @@ from curvcasadi.expressions import Array, Number, count, function_name, instance
 from curvcasadi.integrators import rk4_step
 from curvcasadi.lie import so3
 from curvcasadi.ocp.sqp import TOLERANCES, Bounds, gauss_newton_sqp
-from curvcasadi.ocp.targets import numeric
+from curvcasadi.ocp.targets import numeric, rotation_defect
 
 
 def tip_path_step_function(
@@ -60,7 +60,8 @@ def tip_path_step_function(
         to parent, at the ends of the stages, and guess (the last one's plan; zeros at first).
         Outputs: u, the input to apply now; plan, the guess for the next step, shifted by a stage;
         states (n, N + 1); violation (1, 1): the largest excess over a bound, or of the model, over
-        1e-6 (`ControlModel.real` float: 1e-5); stationarity (1, 1): what is left of the optimality
+        1e-6 (`ControlModel.real` float: 1e-5), or error of a rotation that is none over 1e-3;
+        stationarity (1, 1): what is left of the optimality
         conditions, of the last program for a number of iterations, over 1e-8 (float: 1e-6). At most
         1 both, where `u` may be applied.
     """
@@ -126,7 +127,7 @@ def tip_path_step_function(
     best, violation, stationarity = solver(guess, parameters)
     applied, states = _unpack(best, nu, nx, stages)
     shifted = ca.vertcat(best[nu + nx :], best[-(nu + nx) :])
-    violation /= TOLERANCES[model.real].limit
+    violation = ca.fmax(violation / TOLERANCES[model.real].limit, rotation_defect(rotations))
     return ca.Function(
         name,
         [x0, p, u_previous, positions, rotations, guess],

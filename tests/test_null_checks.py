@@ -41,7 +41,7 @@ def _definition(source, words):
 
 @pytest.mark.parametrize("which", ["all", "one output", "zero input"])
 def test_questions_stay_where_a_call_passes_null(which):
-    source, _ = generate([_calls(which)], "curv_functions", "double")
+    source, *_ = generate([_calls(which)], "curv_functions", "double")
     asked = QUESTION.findall(_definition(source, "inner:("))
     assert bool(asked) == (which == "one output")  # CasADi passes a zero for a zero input
 

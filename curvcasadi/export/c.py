@@ -79,13 +79,14 @@ def export_c(
     names = [f.name() for f in casadi_functions]
     if len(set(names)) < len(names):
         raise ValueError(f"functions: expected names other than {names[len(exports) :]}")
-    source, header = generated.generate(casadi_functions, f"{name}_functions", real)
+    source, header, work = generated.generate(casadi_functions, f"{name}_functions", real)
     wrapped = [
         wrappers.Wrapper(
             export=f,
             angles={key: angles[b] for key, b in f.weights.items() if b in angles},
             prefix=name,
             real=real,
+            work=work,
         )
         for f in exports
     ]

@@ -15,6 +15,7 @@ from typing import Any
 
 import casadi as ca
 
+from curvcasadi.export import work_vector
 from curvcasadi.export.null_checks import without_null_checks
 
 #: What can be written instead, by what CasADi calls the part.
@@ -39,8 +40,10 @@ _FLOAT = re.compile(r"(?<![\w.])(?:\d+\.\d*|\.\d+|\d+(?=[eE]))(?:[eE][+-]?\d+)?(
 _COMMENT = re.compile(r"(/\*.*?\*/|\"(?:\\.|[^\"\\])*\"|^[ \t]*#[ \t]*include[^\n]*)", re.S | re.M)
 
 
-def generate(functions: Sequence[ca.Function], stem: str, real: str) -> tuple[str, str]:
-    """(source, header) of `functions`, the source in a file of the name `stem`.
+def generate(
+    functions: Sequence[ca.Function], stem: str, real: str
+) -> tuple[str, str, dict[str, int]]:
+    """Source and header of `functions`, in files of the name `stem`, and lengths of work vectors.
 
     Raises
     ------
@@ -52,10 +55,12 @@ def generate(functions: Sequence[ca.Function], stem: str, real: str) -> tuple[st
     source, header = (
         _with_own_names(text, functions, stem) for text in _generated(functions, stem, real)
     )
-    source = without_null_checks(_without_static_memory(source))
+    source, work = work_vector.compacted(_without_static_memory(source), functions)
+    source, header = (work_vector.told(text, work) for text in (source, header))
+    source = without_null_checks(source)
     if real == "float":
         source = _single_precision(source, stem)
-    return source, header
+    return source, header, work
 
 
 def symbol(function: ca.Function, prefix: str) -> str:

@@ -30,6 +30,7 @@ class Wrapper:
     angles: dict[str, ca.Function]  #: weights -> largest squared element angle over its limit
     prefix: str  #: of all names in C
     real: str
+    work: dict[str, int]  #: lengths of work vectors, by the names of generated functions
 
     @property
     def name(self) -> str:
@@ -40,8 +41,9 @@ class Wrapper:
         """Lengths of the buffers that serve every generated function which is called."""
         called = [self.export.function, *self.angles.values()]
         sizes = {key: max(getattr(f, f"sz_{key}")() for f in called) for key in _BUFFERS}
-        weights = [f.sz_w() + 1 for f in self.angles.values()]  # one more, for what they return
-        return sizes | {"w": max(sizes["w"], *weights, 0)}
+        work = [self.work[f.name()] for f in called]
+        work[1:] = [size + 1 for size in work[1:]]  # one more, for the angle that they return
+        return sizes | {"w": max(work)}
 
     @property
     def inputs(self) -> list[tuple[str, str, int]]:

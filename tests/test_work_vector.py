@@ -1,0 +1,87 @@
+"""Work vectors of generated C are as long as it needs, and no call reaches beyond."""
+
+from __future__ import annotations
+
+import subprocess
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import curvcasadi as cc
+from curvcasadi.export import run_check
+
+WING = cc.Beam(
+    length=2.0,
+    basis=cc.ChannelBasis(out_of_plane=cc.Legendre(2)),
+    grid=cc.Grid.uniform(4),
+    section=cc.Section(GJ=10, EI_y=20, EI_z=4e3),
+)
+
+
+def _filter():
+    sensors = [cc.RateGyro(xi=1.0, noise_density=1, rate=1), cc.AttitudeSensor(xi=0.6, noise=1)]
+    ekf = cc.shape_ekf(WING, sensors, process="white_acceleration", density=0.3, iterations=2)
+    return ekf.update, [np.zeros(4), np.eye(4), np.append(np.zeros(3), np.eye(3))]
+
+
+def _solver():
+    force = ca.MX.sym("force", 3)
+    loads = [cc.PointForce(xi=1.0, force=force, frame="dead")]
+    f = cc.equilibrium_function(WING, loads, {"force": force}, max_iter=15, checked=True)
+    return f, [np.zeros(2), [0, 0, 1.0]]
+
+
+FUNCTIONS = {
+    "pose": lambda: (cc.tip_function(WING), [np.zeros(2)]),
+    "jacobian": lambda: (cc.tip_function(WING, jacobian=True), [np.zeros(2)]),
+    "solver": _solver,
+    "filter": _filter,
+}
+
+
+def _program(f, inputs, length):
+    """Source of a call of `f` with a work vector on the heap, of `length` doubles."""
+    lines = ["#include <stdlib.h>", '#include "curv_functions.h"']
+    for i, value in enumerate(inputs):
+        numbers = ca.project(ca.DM(value), f.sparsity_in(i)).nonzeros()
+        lines.append(f"static const double in{i}[] = {{{', '.join(map(repr, numbers))}}};")
+    lines += [f"static double out{i}[{f.nnz_out(i)}];" for i in range(f.n_out())]
+    lines += [
+        f"static const double *arg[{f.sz_arg()}];",
+        f"static double *res[{f.sz_res()}];",
+        f"static int iw[{f.sz_iw() + 1}];",
+        "int main(void) {",
+        *(f"  arg[{i}] = in{i};" for i in range(f.n_in())),
+        *(f"  res[{i}] = out{i};" for i in range(f.n_out())),
+        f"  return curv_casadi_{f.name()}(arg, res, iw, calloc({length}, sizeof(double)), 0);",
+        "}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("which", FUNCTIONS)
+def test_no_call_reaches_beyond_its_work_vector(tmp_path, which):
+    f, inputs = FUNCTIONS[which]()
+    samples = {f.name(): [inputs]}
+    described = cc.export_c([f], tmp_path, reference_inputs=samples)["functions"][f.name()]
+    assert run_check(tmp_path)[f.name()] <= 1e-9  # of a solver: to its tolerance
+    length = described["buffers"]["w"]
+    assert length < f.sz_w()
+    (tmp_path / "main.c").write_text(_program(f, inputs, length))
+    gcc = ["gcc", "-std=c99", "-fsanitize=address,undefined", "main.c", "curv_functions.c", "-lm"]
+    subprocess.run([*gcc, "-o", "main"], cwd=tmp_path, check=True)
+    subprocess.run(["./main"], cwd=tmp_path, check=True, env={"ASAN_OPTIONS": "detect_leaks=0"})
+
+
+def test_results_between_calls_stay_apart(tmp_path):
+    """What is kept over a call lies behind all that the call, and what it calls, writes."""
+    x = ca.MX.sym("x", 5)
+    twice = ca.Function("twice", [x], [2 * x + ca.sin(x)], {"never_inline": True})
+    inner = ca.Function("inner", [x], [ca.cos(twice(x)) * twice(x + 1), x / 3])
+    y, z = inner(x)
+    outer = ca.Function("outer", [x], [inner(y)[0] * z + inner(z)[1], ca.mtimes(y, z.T)])
+    samples = {"outer": [[np.linspace(-1, 1, 5)]]}
+    described = cc.export_c([outer], tmp_path, reference_inputs=samples)["functions"]["outer"]
+    assert run_check(tmp_path)["outer"] <= 1e-15  # the same operations
+    assert described["buffers"]["w"] < outer.sz_w()

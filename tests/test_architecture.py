@@ -24,7 +24,8 @@ LAYERS = """
     chain
     shape shape_history kinematics
     pose_function
-    loads resolution aero virtual_work statics equilibrium equilibrium_function dynamics sensors aircraft
+    loads resolution aero virtual_work statics equilibrium equilibrium_function
+    dynamics sensors aircraft
     reference_wings
     control_model integrators
     ocp estimation

@@ -60,15 +60,24 @@ class Chain:
     elements: int  #: number of whole elements
     exits: tuple[tuple[int, int | None], ...]  #: per station: whole elements, then a partial one
 
-    def march(self, step: ca.Function, state: AnyExpr, *arguments: AnyExpr) -> list[AnyExpr]:
+    def march(
+        self, step: ca.Function, state: AnyExpr, *arguments: AnyExpr, span: int = 1
+    ) -> list[AnyExpr]:
         """The state at each station; `step(*arguments, state, data)` crosses one interval.
 
-        The state goes before the data: generated C then keeps one data vector alive, not all.
+        The state goes before the data: generated C then keeps one data vector alive, not all. With
+        MX weights a call crosses up to `span` intervals: generated C is shorter, and keeps two
+        states more.
         """
         kind = same_kind(state=state, **{str(i): value for i, value in enumerate(arguments)})
-        states = [kind(state)]
-        for data in self.data[: self.elements]:
-            states.append(step(*arguments, states[-1], data))
+        at, states = 0, {0: kind(state)}
+        for end in sorted({k for k, _ in self.exits}):
+            while at < end:
+                count = min(span, end - at) if kind is ca.MX else 1
+                data = self.data[at : at + count]
+                crossed = crossing(step, count)(*arguments, states[at], ca.vertcat(*data))
+                at += count
+                states[at] = crossed
         return [
             states[k] if partial is None else step(*arguments, states[k], self.data[partial])
             for k, partial in self.exits
@@ -235,6 +244,22 @@ def step_function(
     names = [*arguments, "state", "data"]
     return ca.Function(
         name, [*arguments.values(), state, data], [next_state], names, ["next"], {"cse": True}
+    )
+
+
+@lru_cache(maxsize=256)
+def crossing(step: ca.Function, count: int) -> ca.Function:
+    """`step` over `count` intervals: (…, state, their data, stacked) -> state."""
+    if count == 1:
+        return step
+    *arguments, start, data = step.mx_in()
+    stacked = ca.MX.sym("data", count * data.numel())
+    state = start
+    for part in ca.vertsplit(stacked, data.numel()):
+        state = step(*arguments, state, part)
+    inputs = [*arguments, start, stacked]
+    return ca.Function(
+        f"{step.name()}_{count}", inputs, [state], step.name_in(), step.name_out(), {"cse": True}
     )
 
 

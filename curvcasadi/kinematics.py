@@ -118,7 +118,7 @@ class StationMotion(NamedTuple):
 
 
 def motion_states(
-    beam_chain: chain.Chain, motion: Motion, order: int, jacobian: bool = False
+    beam_chain: chain.Chain, motion: Motion, order: int, jacobian: bool = False, span: int = 1
 ) -> list[AnyExpr]:
     """States at the stations of a chain: see `unpack_motion`.
 
@@ -134,6 +134,7 @@ def motion_states(
     ----------
     order : 0 for poses, 1 for twists, 2 for accelerations
     jacobian : whether the sums are marched, too, and their rates up to `order`
+    span : see `Chain.march`
     """
     n, zero = beam_chain.pattern.n, ca.DM.zeros(6)
     root = (motion.root_twist, motion.root_twist_rate)[:order]
@@ -146,7 +147,7 @@ def motion_states(
     if order == 2 and motion.q_ddot is not None:
         arguments.append(motion.q_ddot)
     step = _motion_step(beam_chain.pattern, order, len(arguments) - 1, jacobian)
-    return beam_chain.march(step, ca.densify(ca.vertcat(*start)), *arguments)
+    return beam_chain.march(step, ca.densify(ca.vertcat(*start)), *arguments, span=span)
 
 
 def unpack_motion(state: AnyExpr, order: int) -> StationMotion:

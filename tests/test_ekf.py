@@ -60,7 +60,8 @@ def test_scalar_measurements_are_the_update_of_kalman():
     P, H = random_covariance(n), RNG.normal(size=(rows, n))
     R, x, r = np.array([0.3, 0.1, 0.7]), RNG.normal(size=n), RNG.normal(size=rows)
     start = ud.belief_of(triangular(ud.factor_of(P)), x)
-    belief, said = ud.measure_rows(start, ca.DM(np.vstack([H.T, r])), R, np.inf)
+    stacked = ca.horzsplit(ca.DM(np.vstack([H.T, r])))
+    belief, said = ud.measure_rows(start, stacked, R, np.inf)
     factor, error = ud.split_belief(belief, n)
     innovation, used = ca.horzsplit(ca.horzcat(*said).T)
     S = H @ P @ H.T + np.diag(R)
@@ -201,7 +202,8 @@ def test_short_derivatives_lack_what_is_quadratic_in_the_rates_alone(beam, root,
     readout = Readout.of([sensor], beam, q, q_dot, None, motion)
     name = readout.channels.layout.parts[0].name
     [rows] = readout.rows({name: measured}, dict.fromkeys(inputs, n), q_ddot)
-    slope, residual = rows[:-1, :].T, rows[-1, :].T + rows[-1 - n : -1, :].T @ q_ddot
+    rows = ca.horzcat(*rows).T
+    slope, residual = rows[:, :-1], rows[:, -1] + rows[:, 2 * n : 3 * n] @ q_ddot
     short = ca.Function("short", [q, q_dot, q_ddot, measured], [residual, slope])
     at = [0.2 * RNG.normal(size=n), speed * RNG.normal(size=n), RNG.normal(size=n), np.ones(3)]
     _, *expected = exact(*at)

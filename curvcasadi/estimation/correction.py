@@ -75,7 +75,7 @@ def _pass(process: Process, observation: Observation, look: bool) -> ca.Function
             belief, told = ud.measure_rows(belief, row.rows, row.variance, observation.gate)
             said += told
     after, error = ud.split_belief(belief, first + size)
-    outputs = [error[first:], after[first:, first:], ca.horzcat(*said), offset + error[:first]]
+    outputs = [error[first:], after[first:, first:], ca.horzcat(*said), offset + error[:first, :]]
     name, outputs = ("look", outputs[-1:]) if look else ("take", outputs)
     return ca.Function(name, arguments, outputs, {"cse": True})
 

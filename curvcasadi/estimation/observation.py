@@ -43,7 +43,7 @@ class Rows:
 
     name: str
     shared: bool  #: whether they depend on unknowns
-    rows: ca.MX  #: (unknowns + error + 1, r): slope above residual, both transposed
+    rows: list[AnyExpr]  #: (unknowns + error + 1, 1) each: slope, residual
     variance: Array  #: (r,)
 
 
@@ -110,10 +110,11 @@ class Readings:
             given[name] -= parts["gyro_bias"][where]
         blocks = dict(zip(given, readout.rows(given, columns, q_ddot), strict=True))
         for name, where in own.items():
-            by_bias = ca.DM(blocks[name].shape[0], 3)
             start = first + offsets(process.error)["gyro_bias"].start + where.start
-            by_bias[start : start + 3, :] = ca.DM.eye(3)
-            blocks[name] += by_bias
+            for k, row in enumerate(blocks[name]):
+                by_bias = ca.DM(row.numel(), 1)
+                by_bias[start + k] = 1
+                blocks[name][k] = row + by_bias
         noise = channels.residual_layout.split(ca.DM(channels.noise))
         order = 1 if "q_dot" in self.observation.unknown else 2
         return [

@@ -10,6 +10,7 @@ a time (chapter V), added noise (chapter VI, with the update of Agee and Turner)
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import casadi as ca
@@ -101,18 +102,17 @@ def measure(n: int, gate: float) -> ca.Function:
 
 
 def measure_rows(
-    belief: AnyExpr, rows: AnyExpr, variances: Array, gate: float
+    belief: AnyExpr, rows: Sequence[AnyExpr], variances: Array, gate: float
 ) -> tuple[AnyExpr, list[AnyExpr]]:
-    """`measure` by the columns of `rows` (n + 1, r), one after another.
+    """`measure` by each of `rows` (n + 1, 1), one after another.
 
     Returns
     -------
     belief, and of each measurement ν/√s and whether it was used, (2, 1)
     """
-    step = measure(rows.shape[0] - 1, gate)
     said = []
-    for k, variance in enumerate(variances):
-        belief, told = step(belief, belief, rows[:, k], variance)
+    for row, variance in zip(rows, variances, strict=True):
+        belief, told = measure(row.numel() - 1, gate)(belief, belief, row, variance)
         said.append(told)
     return belief, said
 

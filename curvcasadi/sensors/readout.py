@@ -25,6 +25,9 @@ from curvcasadi.sensors.station_functions import (
 )
 from curvcasadi.shape import curvature
 
+#: Intervals that one call of generated C crosses where its length matters.
+_SPAN = 4
+
 
 @dataclass(frozen=True, eq=False)
 class Readout:
@@ -114,8 +117,8 @@ class Readout:
 
     def rows(
         self, measured: dict[str, AnyExpr], columns: dict[str, int], q_ddot: AnyExpr | None
-    ) -> list[AnyExpr]:
-        """Of each sensor its derivatives above its residual, transposed: (1 + columns, r).
+    ) -> list[list[AnyExpr]]:
+        """Of each sensor a row (columns + 1, 1) per residual: its derivatives, then itself.
 
         Readings are affine in q_ddot: residuals are those without, derivatives those at `q_ddot`.
         The march carries no accelerations: the derivative by q of an accelerometer is without the
@@ -123,7 +126,8 @@ class Readout:
         exact.
         """
         order, n, still = min(self.order, 1), self.beam.basis.n, self._is_still
-        states, turned = self._states(jacobian=True, order=order), self._turned(q_ddot)
+        states = self._states(jacobian=True, order=order, span=_SPAN)
+        turned = self._turned(q_ddot)
         zero = ca.DM.zeros(n)
         rates = zero if self.motion.q_dot is None else self.motion.q_dot
         rates = rates if still else ca.vertcat(rates, self.root.twist_rate)
@@ -133,11 +137,12 @@ class Readout:
             if _is_gauge(sensor):
                 value, row = self._gauge(sensor)
                 by = {**{name: ca.DM.zeros(1, size) for name, size in columns.items()}, "q": row}
-                found.append(ca.vertcat(*(slope.T for slope in by.values()), value - given))
+                found.append([ca.vertcat(*(slope.T for slope in by.values()), value - given)])
                 continue
             read = row_function(_kind(sensor), order, n, tuple(columns.items()), still)
             extra = [rates, turned[sensor.xi]] if sensor.order > order else []
-            found.append(read(states[sensor.xi], *self._arguments(sensor), given, *extra))
+            rows = read.call([states[sensor.xi], *self._arguments(sensor), given, *extra])
+            found.append(rows)
         return found
 
     def _turned(self, q_ddot: AnyExpr | None) -> dict[float, AnyExpr]:
@@ -147,7 +152,7 @@ class Readout:
         if q_ddot is None or not stations:
             return dict.fromkeys(stations, ca.DM.zeros(6 * n))
         motion = Motion(self.motion.q, q_ddot)
-        states = motion_states(chain.build(self.beam, stations), motion, 1, True)
+        states = motion_states(chain.build(self.beam, stations), motion, 1, True, _SPAN)
         return {xi: state[-6 * n :] for xi, state in zip(stations, states, strict=True)}
 
     @property
@@ -156,14 +161,14 @@ class Readout:
         motions = (self.root.twist, self.root.twist_rate)
         return all(is_numeric(x) and not np.any(ca.DM(x).full()) for x in motions)
 
-    def _states(self, jacobian: bool, order: int) -> dict[float, AnyExpr]:
+    def _states(self, jacobian: bool, order: int, span: int = 1) -> dict[float, AnyExpr]:
         """State of the march at each station that a sensor needs, by xi."""
         stations = tuple(dict.fromkeys(s.xi for s in self.sensors if not _is_gauge(s)))
         if not stations:
             return {}
         beam_chain = chain.build(self.beam, stations)
         motion = self.motion if order == 2 else self.motion._replace(q_ddot=None)
-        states = motion_states(beam_chain, motion, order, jacobian)
+        states = motion_states(beam_chain, motion, order, jacobian, span)
         return dict(zip(stations, states, strict=True))
 
     def _arguments(self, sensor: Sensor) -> tuple[AnyExpr, AnyExpr]:

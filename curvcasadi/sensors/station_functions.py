@@ -67,9 +67,9 @@ def derivative_function(
 def row_function(
     kind: Any, order: int, n: int, columns: tuple[tuple[str, int], ...], still: bool
 ) -> ca.Function:
-    """(state, frames, mount, measured) -> rows (1 + columns, r): derivatives above the residual.
+    """(state, frames, mount, measured) -> a row (columns + 1, 1) per residual.
 
-    Both transposed: a column is a scalar measurement, in one piece. An accelerometer after a march
+    A row has the derivatives of the residual, then itself. An accelerometer after a march
     of order 1 has two inputs more, (q_dot, twist rate), without the latter where the root is
     `still`: see `_accelerated`; and (A_t, B_t) along q_ddot: see `_turning`.
     """
@@ -83,8 +83,8 @@ def row_function(
     _, error, *blocks = _derivatives(kind, columns, measured, at, frames, mount)
     slopes = dict(zip(dict(columns), blocks, strict=True))
     slopes["q"] += turned
-    rows = ca.vertcat(*(slope.T for slope in slopes.values()), error.T)
-    return ca.Function(f"read_{kind.prefix}", [state, *inputs], [rows], {"cse": True})
+    rows = ca.horzsplit(ca.vertcat(*(slope.T for slope in slopes.values()), error.T))
+    return ca.Function(f"read_{kind.prefix}", [state, *inputs], rows, {"cse": True})
 
 
 def _symbols(kind: Any, order: int, n: int) -> tuple[ca.SX, list[ca.SX], tuple[Any, ...]]:

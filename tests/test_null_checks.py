@@ -1,4 +1,4 @@
-"""Questions for null pointers leave generated C only where no call can pass one."""
+"""Questions leave generated C only where they have one answer."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pytest
 
 import curvcasadi as cc
 from curvcasadi.export.generated import generate
+from curvcasadi.export.null_checks import without_failure_checks
 
 QUESTION = re.compile(r"(?:arg|res)\[\d+\](?: *\?|!=0\))")
 
@@ -51,6 +52,26 @@ def test_results_stay_what_they_were(tmp_path, which):
     samples = {"outer": [[[0.3], [-1.2]], [[2.0], [0.0]]]}
     cc.export_c([_calls(which)], tmp_path, reference_inputs=samples)
     assert cc.export.run_check(tmp_path)["outer"] <= 1e-15  # the same operations
+
+
+def test_functions_that_cannot_fail_are_not_asked_whether_they_did():
+    """What calls one that can fail can fail, too."""
+    bodies = {
+        "casadi_f1": "if (arg[0]) return 1;\n  return 0;",
+        "casadi_f2": "res[0][0]=1;\n  return 0;",
+        "casadi_f3": "if (casadi_f1(arg, res)) return 1;\n  return 0;",
+        "casadi_f4": "if (casadi_f2(arg, res)) return 1;\n  return 0;",
+        "casadi_f5": "if (casadi_f3(arg, res)) return 1;\n  if (casadi_f4(arg, res)) return 1;\n"
+        "  return 0;",
+    }
+    head = "static int {}(const casadi_real** arg, casadi_real** res) {{\n  {}\n}}\n\n"
+    source = "".join(head.format(name, body) for name, body in bodies.items())
+    asked = re.findall(r"if \((casadi_f\d+)\(", without_failure_checks(source))
+    assert asked == ["casadi_f1", "casadi_f3"]
+    assert re.findall(r"^  (casadi_f\d+)\(", without_failure_checks(source), re.M) == [
+        "casadi_f2",
+        "casadi_f4",
+    ]
 
 
 def test_exported_functions_still_take_null_as_casadi_says(tmp_path):

@@ -152,14 +152,14 @@ def _noise(process: Process, dt: ca.MX) -> list[tuple[ca.MX, ca.MX]]:
     """
     error = process.error
     at = offsets(error)
-    unit = ca.DM.eye(error.size)
+    unit = _unit_vectors(error.size)
     found = []
     for k, density in enumerate(process.density):
-        along_q = ca.MX(ca.densify(unit[:, at["q"].start + k]))
+        along_q = unit[at["q"].start + k]
         if process.kind == "random_walk":
             found.append((along_q, density**2 * dt))
         else:
-            along_rate = ca.densify(unit[:, at["q_dot"].start + k])
+            along_rate = unit[at["q_dot"].start + k]
             found.append((along_q, density**2 / 12 * dt**3))
             found.append((dt / 2 * along_q + along_rate, density**2 * dt))
     for name, density in (
@@ -169,5 +169,11 @@ def _noise(process: Process, dt: ca.MX) -> list[tuple[ca.MX, ca.MX]]:
     ):
         if name in at and density:
             for i in range(at[name].start, at[name].stop):
-                found.append((ca.MX(ca.densify(unit[:, i])), density**2 * dt))
+                found.append((unit[i], density**2 * dt))
     return found
+
+
+def _unit_vectors(size: int) -> list[ca.MX]:
+    """Columns of the identity as parts of one vector, a short table in generated C."""
+    window = ca.MX(ca.vertcat(ca.DM.zeros(size - 1), 1, ca.DM.zeros(size - 1)))
+    return [window[size - 1 - i : 2 * size - 1 - i] for i in range(size)]

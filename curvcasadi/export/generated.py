@@ -16,7 +16,7 @@ from typing import Any
 import casadi as ca
 
 from curvcasadi.export import work_vector
-from curvcasadi.export.null_checks import without_null_checks
+from curvcasadi.export.null_checks import without_failure_checks, without_null_checks
 
 #: What can be written instead, by what CasADi calls the part.
 _INSTEAD = {
@@ -57,7 +57,7 @@ def generate(
     )
     source, work = work_vector.compacted(_without_static_memory(source), functions)
     source, header = (work_vector.told(text, work) for text in (source, header))
-    source = without_null_checks(source)
+    source = without_failure_checks(without_null_checks(source))
     if real == "float":
         source = _single_precision(source, stem)
     return source, header, work

@@ -31,6 +31,12 @@ def beam():
     )
 
 
+@pytest.fixture
+def one_weight():
+    basis = cc.ChannelBasis(out_of_plane=cc.Legendre(1))
+    return cc.Beam(length=4.0, basis=basis, grid=cc.Grid.uniform(4))
+
+
 def random_covariance(n):
     square = RNG.normal(size=(n, n))
     return square @ square.T + 0.1 * np.eye(n)
@@ -355,6 +361,30 @@ def test_a_start_names_what_is_missing(beam):
         ekf.initial({"q": 0.1})
     with pytest.raises(ValueError, match=r"deviation\['q'\]: expected a positive definite"):
         ekf.initial({"q": np.zeros((3, 3)), "q_dot": 1.0})
+
+
+@pytest.mark.parametrize("form", [np.atleast_2d, lambda x: [[x]]])
+def test_of_one_weight_a_matrix_is_a_covariance(one_weight, form):
+    ekf = cc.shape_ekf(one_weight, [GYRO], process="white_acceleration", density=0.1)
+    start = ekf.initial({"q": form(0.04), "q_dot": 0.2})
+    assert_allclose(start.covariance, 0.04 * np.eye(2), rtol=1e-15)
+
+
+def test_one_weight_is_estimated_from_one_gauge(one_weight):
+    gauge = cc.StrainGauge(xi=0.5, offset=[0.0, 0.1], noise=1e-3)
+    ekf = cc.shape_ekf(one_weight, [gauge], process="random_walk", density=0.1)
+    (after,) = cc.run_ekf(ekf, ekf.initial({"q": 0.1}), [(0.0, [0.002])])
+    # Prior 0.01², reading 0.1 q: both known to the same 0.01 of the gauge against 0.1.
+    assert_allclose(after.state, [0.02 / (1 + 0.01)], rtol=1e-12)
+
+
+@pytest.mark.parametrize("process", ["random_walk", "white_acceleration"])
+def test_a_step_back_in_time_is_nan_and_none_at_all_is_exact(beam, process):
+    ekf = cc.shape_ekf(beam, [ATTITUDE], process=process, density=0.3)
+    start = ekf.initial(dict.fromkeys([part.name for part in ekf.layout.parts], 0.1))
+    _, same = ekf.predict(start.state, start.factor, 0.0)
+    assert_allclose(same.full(), start.factor, rtol=0)
+    assert np.any(np.isnan(ekf.predict(start.state, start.factor, -1e-3)[1].full()))
 
 
 def test_in_single_precision_the_covariance_stays_positive_definite(tmp_path):

@@ -428,6 +428,15 @@ def test_a_shape_beyond_the_grid_is_a_failure_with_its_fit():
     assert not cc.fit_shape(coarse, ATTITUDES, measured, throw=False).converged
 
 
+def test_a_prior_of_one_weight_is_a_covariance_where_it_is_a_matrix():
+    wing = replace(WING, basis=cc.ChannelBasis(out_of_plane=cc.Legendre(1)), weight_bounds=None)
+    gauge, prior = cc.StrainGauge(xi=0.5, offset=[0.0, 0.1], noise=1e-3), ([0.0], [[0.01]])
+    fit = cc.fit_shape(wing, [gauge], [0.002], prior=prior)
+    assert_allclose(fit.q, [[0.02 / 1.01]], rtol=1e-9)  # rounding
+    placed = cc.place_sensors(wing, [gauge], 1, shapes=[[0.0]], prior=[[0.01]])
+    assert_allclose(placed.prior_weight_deviations, 0.1, rtol=1e-12)
+
+
 EXACT = readings(ATTITUDES, BENT)
 MISTAKES = {
     "no beam": (lambda: cc.fit_shape(None, ATTITUDES, EXACT), "beam: expected a Beam"),

@@ -666,6 +666,15 @@ def test_wrong_arguments_are_refused(arguments, message):
         cc.shape_mhe(given.pop("beam"), given.pop("sensors"), **given)
 
 
+def test_one_weight_is_estimated_from_one_gauge():
+    beam = replace(FREE, basis=cc.ChannelBasis(out_of_plane=cc.Legendre(1)))
+    gauge = cc.StrainGauge(xi=0.5, offset=[0.0, 0.1], noise=1e-3)
+    mhe = make([gauge], beam=beam, density=0.1)
+    (at,) = cc.run_mhe(mhe, mhe.initial({"q": [[0.01]]}), [[0.002]])
+    assert at.solved
+    assert_allclose(at.state, [0.02 / 1.01], rtol=1e-6)  # where iterations end
+
+
 def test_wrong_samples_and_starts_are_refused():
     mhe = make(GAUGES, root_inputs=["twist"])
     start = mhe.initial({"q": 0.02})

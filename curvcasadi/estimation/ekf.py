@@ -252,7 +252,7 @@ def _deviations(name: str, value: Number, size: int) -> Array:
 def _covariance(name: str, value: Number, size: int) -> Array:
     where = f"deviation[{name!r}]"
     array = numbers(where, value)
-    if array.shape == (size, size) and size > 1:
+    if array.shape == (size, size) and (size > 1 or not isinstance(value, ca.DM)):
         if not np.allclose(array, array.T) or np.linalg.eigvalsh(array)[0] <= 0:
             raise ValueError(f"{where}: expected a positive definite covariance, found {array}")
         return array

@@ -81,7 +81,10 @@ def offsets(layout: Layout) -> dict[str, slice]:
 
 
 def predict_function(name: str, process: Process) -> ca.Function:
-    """(state, factor, dt and, with the attitude, rate) -> state_after, factor_after."""
+    """(state, factor, dt and, with the attitude, rate) -> state_after, factor_after.
+
+    A factor is NaN after a negative dt, as √dt is.
+    """
     error = process.error
     state = ca.MX.sym("state", process.state.size)
     factor = ca.MX.sym("factor", ca.Sparsity.upper(error.size))
@@ -149,7 +152,10 @@ def _noise(process: Process, dt: ca.MX) -> list[tuple[ca.MX, ca.MX]]:
     """Directions (N, 1) and variances of what is added to the covariance in a step.
 
     With a = dt/2:  [[dt³/3, dt²/2], [dt²/2, dt]] = dt³/12 e_1 e_1ᵀ + dt (a e_1 + e_2)(a e_1 + e_2)ᵀ
+
+    A variance is the square of a deviation, density √dt; CasADi would simplify (√dt)² to dt.
     """
+    root = ca.sqrt(dt)
     error = process.error
     at = offsets(error)
     unit = _unit_vectors(error.size)
@@ -157,11 +163,11 @@ def _noise(process: Process, dt: ca.MX) -> list[tuple[ca.MX, ca.MX]]:
     for k, density in enumerate(process.density):
         along_q = unit[at["q"].start + k]
         if process.kind == "random_walk":
-            found.append((along_q, density**2 * dt))
+            found.append((along_q, (density * root) ** 2))
         else:
             along_rate = unit[at["q_dot"].start + k]
-            found.append((along_q, density**2 / 12 * dt**3))
-            found.append((dt / 2 * along_q + along_rate, density**2 * dt))
+            found.append((along_q, (density / 12**0.5 * dt * root) ** 2))
+            found.append((dt / 2 * along_q + along_rate, (density * root) ** 2))
     for name, density in (
         ("attitude", process.rate_density),
         ("gyro_bias", process.bias_density),
@@ -169,7 +175,7 @@ def _noise(process: Process, dt: ca.MX) -> list[tuple[ca.MX, ca.MX]]:
     ):
         if name in at and density:
             for i in range(at[name].start, at[name].stop):
-                found.append((unit[i], density**2 * dt))
+                found.append((unit[i], (density * root) ** 2))
     return found
 
 

@@ -166,13 +166,16 @@ def _numbers_or_nan(name: str, value: Number) -> Array:
 def covariance_matrix(name: str, value: Number, n: int) -> Array:
     """Covariance (n, n) from one standard deviation, n of them, or a covariance matrix.
 
+    With one weight, [[x]] is a covariance, and x, [x] or DM(x) a standard deviation.
+
     Raises
     ------
     ValueError
         If it is not symmetric and positive definite.
     """
     found = numbers(name, value)
-    if found.size == 1 or (found.size == n and n > 1 and max(found.shape) == n):
+    one = found.size == 1 and (n > 1 or found.ndim < 2 or isinstance(value, ca.DM))
+    if one or (found.size == n and n > 1 and max(found.shape) == n):
         deviations = np.broadcast_to(found.ravel(), (n,))
         if not np.all(deviations > 0):
             raise ValueError(

@@ -144,7 +144,7 @@ def _certificate(
     noise = ca.sparsify(ca.DM(np.linalg.inv(problem.noise_root)))
     deviations = ca.DM(problem.deviations)
     found = [
-        node[size:] / deviations + deviations * g[size:]
+        node[size:, :] / deviations + deviations * g[size:, :]
         for node, g in zip(nodes, by_node, strict=True)
     ]
     adjoint = ca.MX(ca.DM.zeros(size))

@@ -23,7 +23,7 @@ def arrival_function(problem: WindowProblem) -> ca.Function:
     mean, factor = ca.MX.sym("mean", size), ca.MX.sym("factor", ca.Sparsity.upper(size))
     symbols = [ca.MX.sym(key, *f.size_in(key)) for key in f.name_in()]
     node = symbols[0]
-    state, unknown = node[:size], node[size:]
+    state, unknown = node[:size, :], node[size:, :]
     residual = f(*symbols)
     slope = ca.jacobian(residual, node)
     rows = ca.densify(ca.horzcat(slope[:, size:], slope[:, :size]).T)
@@ -77,7 +77,7 @@ def step_function(
     window = ca.reshape(found, problem.node.size, nodes)
     states, last = window[:size, :], window[:, -1]
     after = arrival_function(problem)(mean, factor, window[:, 0], *problem.by_node(data)[0])
-    ahead = ca.vertcat(ca.DM(ca.sparsify(ca.DM(problem.transition))) @ last[:size], last[size:])
+    ahead = ca.vertcat(ca.DM(ca.sparsify(ca.DM(problem.transition))) @ last[:size], last[size:, :])
     outputs = {
         "state": last[:size],
         "states": states,

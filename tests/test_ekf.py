@@ -302,6 +302,39 @@ def test_an_attitude_without_one_of_its_numbers_is_missing(beam):
     assert_allclose(after.state, start.state, atol=0)
 
 
+@pytest.mark.parametrize("dead", [np.zeros(9), np.ones(9), -np.eye(3).ravel(), 1.02 * np.eye(3)])
+def test_an_attitude_that_is_no_rotation_is_missing(beam, dead):
+    ekf = cc.shape_ekf(beam, [ATTITUDE], process="random_walk", density=0.1)
+    start = ekf.initial({"q": 0.1}, {"q": [0.1, 0.02, 0.0]})
+    (after,) = cc.run_ekf(ekf, start, [(0.0, np.ravel(dead))])
+    assert after.dof == 0
+    assert np.all(np.isnan(after.innovation))
+    assert_allclose(after.state, start.state, atol=0)
+
+
+def test_wrong_samples_and_starts_are_named(beam):
+    options = {"process": "random_walk", "density": 0.1}
+    ekf = cc.shape_ekf(beam, [ATTITUDE], root_inputs=["attitude"], **options)
+    start, good = ekf.initial({"q": 0.1}), np.eye(3).ravel()
+    known = {"attitude": np.eye(3)}
+    with pytest.raises(ValueError, match="time: expected finite numbers"):
+        ekf.initial({"q": 0.1}, time=np.nan)
+    for sample, message in (
+        ((np.inf, good, known), r"samples\[0\].time: expected finite numbers"),
+        (3.0, r"samples\[0\]: expected \(time, measured\)"),
+        ((0.0, {"a": 1}, known), r"samples\[0\].measured: expected numbers"),
+        ((0.0, "text", known), r"samples\[0\].measured: expected numbers"),
+        ((0.0, [*good[:8], np.inf], known), r"samples\[0\].measured\[8\]: expected a finite"),
+        ((0.0, good, [1]), r"samples\[0\].inputs: expected values by name"),
+        ((0.0, good, {"attitude": np.ones((3, 3))}), r"attitude'\]: expected orthonormal"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            next(cc.run_ekf(ekf, start, [sample]))
+    with pytest.raises(ValueError, match=r"start: expected an estimate of this filter"):
+        other = start._replace(state=np.zeros(2))
+        next(cc.run_ekf(ekf, other, [(0.0, good, known)]))
+
+
 def test_samples_of_different_rates_are_taken_as_they_come(beam):
     """An attitude every tenth step is an update with its rows alone."""
     ekf = cc.shape_ekf(beam, [GYRO, ATTITUDE], process="white_acceleration", density=0.1)

@@ -422,14 +422,22 @@ def test_a_sensor_that_is_always_missing_is_none():
 
 def test_nan_becomes_a_number_and_numbers_stay(evaluate):
     clean = samples_function([ATTITUDES[0], MARKER])
-    y = np.array([*np.arange(9.0), -0.0, np.nan, -3.0])
+    turn = Rotation.from_rotvec([0.3, 0.2, -0.7]).as_matrix().ravel()
+    y = np.array([*turn, -0.0, np.nan, -3.0])
     samples, seen = evaluate(lambda m: ca.vertcat(*clean(m)), y)[:12], clean(y)[1]
-    assert_allclose(samples.ravel(), [*np.arange(9), 0, 0, -3], rtol=0)
+    assert_allclose(samples.ravel(), [*turn, 0, 0, -3], rtol=0)
     assert_allclose(seen.full().ravel(), [1, 1, 1, 1, 0, 1], rtol=0)
     y[4] = np.nan
     samples, seen = clean(y)
     assert_allclose(samples[:9].full().ravel(), np.eye(3).ravel(), rtol=0)
     assert_allclose(seen.full().ravel(), [0, 0, 0, 1, 0, 1], rtol=0)
+
+
+@pytest.mark.parametrize("dead", [np.zeros(9), np.ones(9), -np.eye(3).ravel(), 1.02 * np.eye(3)])
+def test_an_attitude_that_is_no_rotation_is_missing(dead):
+    samples, seen = samples_function([ATTITUDES[0]])(np.ravel(dead))
+    assert_allclose(samples.full().ravel(), np.eye(3).ravel(), rtol=0)
+    assert_allclose(seen.full(), np.zeros((3, 1)), rtol=0)
 
 
 # Structure -------------------------------------------------------------------------------------
@@ -681,7 +689,7 @@ def test_wrong_samples_and_starts_are_refused():
     good = np.zeros(7)
     for sample, message in (
         (np.zeros(6), r"samples\[0\]: expected 7 values, found 6"),
-        (np.full(7, np.inf), r"samples\[0\]: expected finite numbers or NaN, found infinity"),
+        (np.full(7, np.inf), r"samples\[0\]\[0\]: expected a finite number or NaN, found inf"),
         (good, r"samples\[0\]: expected root inputs \['twist'\], found \[\]"),
         ((good, {"twist": [1, 2]}), r"samples\[0\]: twist: expected shape \(6, 1\)"),
     ):

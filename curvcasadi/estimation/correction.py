@@ -8,8 +8,10 @@ import numpy as np
 from curvcasadi.estimation import ud
 from curvcasadi.estimation.observation import SHAPES, Observation, Readings
 from curvcasadi.estimation.process import DEGREE, Process, orthonormal
+from curvcasadi.estimation.samples import attitudes_function
 from curvcasadi.expressions import AnyExpr
 from curvcasadi.lie import so3
+from curvcasadi.sensors import AttitudeSensor
 
 
 def update_function(name: str, process: Process, observation: Observation) -> ca.Function:
@@ -25,6 +27,8 @@ def update_function(name: str, process: Process, observation: Observation) -> ca
     look, take = (_pass(process, observation, only) for only in (True, False))
     at, error = state, ca.MX(ca.DM.zeros(process.error.size))
     unknown = ca.MX(ca.DM.zeros(_unknowns(observation)))
+    if any(isinstance(sensor, AttitudeSensor) for sensor in observation.sensors):
+        measured = attitudes_function(observation.sensors)(measured)
     if observation.unknown:
         unknown = look(error, factor, at, unknown, measured, *known.values())
     for iteration in range(observation.iterations):

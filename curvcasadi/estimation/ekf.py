@@ -106,7 +106,8 @@ class ShapeEkf:
             where = offsets(self.error_layout)[part.name]
             covariance[where, where] = _covariance(part.name, deviation[part.name], part.size)
         state = self.layout.join(parts).full()[:, 0]
-        return Estimate(float(time), state, ud.factor_of(covariance))
+        at = float(expression("time", time, (1, 1)))
+        return Estimate(at, state, ud.factor_of(covariance))
 
     def layout_size(self, name: str) -> int:
         """Size of a part of the state."""

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from curvcasadi.estimation.ekf import Estimate, ShapeEkf
 from curvcasadi.estimation.process import offsets
-from curvcasadi.expressions import Array, expression
+from curvcasadi.estimation.samples import is_rotation, sample_values
+from curvcasadi.expressions import Array, expression, rotation_matrix
 from curvcasadi.sensors import Channels
 
 
@@ -21,7 +23,8 @@ def run_ekf(
     Parameters
     ----------
     samples : (time, measured) or (time, measured, inputs): s; (m,) as in `ekf.channels`, NaN for
-        what there is no sample of; and "rate" and the `root_inputs` by name. Times may repeat.
+        what there is no sample of, and an attitude that is no rotation to 1e-2 is none either;
+        and "rate" and the `root_inputs` by name. Times may repeat.
 
     Raises
     ------
@@ -29,9 +32,32 @@ def run_ekf(
         If a time is before the one that precedes it, or inputs or sizes are wrong.
     """
     at = start
-    for k, (time, measured, *rest) in enumerate(samples):
+    _check_start(ekf, start)
+    for k, sample in enumerate(samples):
+        where = f"samples[{k}]"
+        if not isinstance(sample, (tuple, list)) or len(sample) not in (2, 3):
+            raise ValueError(
+                f"{where}: expected (time, measured) or (time, measured, inputs), found {sample!r}"
+            )
+        time, measured, *rest = sample
+        if rest and not isinstance(rest[0], Mapping):
+            raise ValueError(f"{where}.inputs: expected values by name, found {rest[0]!r}")
         inputs: dict[str, Any] = {**rest[0]} if rest else {}
-        yield (at := _step(ekf, at, f"samples[{k}]", float(time), measured, inputs))
+        yield (at := _step(ekf, at, where, _time(where, time), measured, inputs))
+
+
+def _time(where: str, value: Any) -> float:
+    return float(expression(f"{where}.time", value, (1, 1)))
+
+
+def _check_start(ekf: ShapeEkf, start: Estimate) -> None:
+    sizes = (ekf.layout.size,), (ekf.error_layout.size,) * 2
+    found = np.shape(start.state), np.shape(start.factor)
+    if found != sizes:
+        raise ValueError(
+            f"start: expected an estimate of this filter, state {sizes[0]} and factor {sizes[1]}; "
+            f"found {found[0]} and {found[1]}"
+        )
 
 
 def _step(
@@ -41,15 +67,15 @@ def _step(
         raise ValueError(
             f"{where}.time: expected at least {at.time:g} s, the time before; found {time:g} s"
         )
-    values = np.asarray(measured, dtype=float).ravel()
+    values = sample_values(f"{where}.measured", measured)
     size = ekf.channels.layout.size
     if values.size != size:
         raise ValueError(f"{where}.measured: expected {size} values, found {values.size}")
-    if np.any(np.isinf(values)):
-        raise ValueError(f"{where}.measured: expected finite values or NaN, found infinite ones")
     needed = {*ekf.predict.name_in()[3:], *ekf.update.name_in()[3:]}
     if set(inputs) != needed:
         raise ValueError(f"{where}.inputs: expected {sorted(needed)}, found {sorted(inputs)}")
+    if "attitude" in inputs:
+        rotation_matrix(f"{where}.inputs['attitude']", inputs["attitude"])
     rates, motion = (
         {
             key: expression(f"{where}.inputs[{key!r}]", inputs[key], f.size_in(key))
@@ -82,6 +108,9 @@ def _missing(channels: Channels, values: Array) -> Array:
     parts = zip(channels.layout.parts, channels.residual_layout.parts, strict=True)
     where, found = offsets(channels.layout), []
     for part, residual in parts:
-        lost = np.isnan(values[where[part.name]])
-        found.append(lost if part.size == residual.size else np.full(residual.size, lost.any()))
+        given = values[where[part.name]]
+        if part.size == residual.size:
+            found.append(np.isnan(given))
+        else:
+            found.append(np.full(residual.size, not float(is_rotation(ca.DM(given)))))
     return np.concatenate(found)

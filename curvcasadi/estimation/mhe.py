@@ -14,6 +14,7 @@ from curvcasadi.beam import Beam
 from curvcasadi.estimation import ud
 from curvcasadi.estimation.process import PROCESSES, Process, ProcessName
 from curvcasadi.estimation.sample_residual import KNOWN_SHAPES
+from curvcasadi.estimation.samples import sample_values
 from curvcasadi.estimation.sensor_model import covariance_matrix
 from curvcasadi.estimation.window_problem import WindowProblem
 from curvcasadi.estimation.window_step import step_function
@@ -26,6 +27,7 @@ from curvcasadi.expressions import (
     function_name,
     instance,
     positive,
+    rotation_matrix,
 )
 from curvcasadi.layout import Layout, Part
 from curvcasadi.ocp.targets import numeric
@@ -103,7 +105,7 @@ class ShapeMhe:
         column = np.concatenate([state, np.zeros(self.node.size - state.size)])
         covariance = ca.diagcat(*map(ca.DM, blocks)).full()
         return WindowEstimate(
-            time=float(time),
+            time=float(expression("time", time, (1, 1))),
             state=state,
             states=state[:, None],
             arrival_mean=state,
@@ -243,7 +245,8 @@ def run_mhe(
     Parameters
     ----------
     start : `ShapeMhe.initial`
-    samples : measured (m,), NaN where missing, or (measured, root inputs by name); one every `dt`
+    samples : measured (m,), NaN where missing, or (measured, root inputs by name); one every `dt`.
+        An attitude that is no rotation to 1e-2 is missing
     """
     at = start
     nodes = mhe.window + 1
@@ -301,17 +304,17 @@ def _estimate(
 
 
 def _column(k: int, measured: Any, size: int) -> Array:
-    values = np.array(measured, dtype=float).ravel()
+    values = sample_values(f"samples[{k}]", measured)
     if values.size != size:
         raise ValueError(f"samples[{k}]: expected {size} values, found {values.size}")
-    if np.any(np.isinf(values)):
-        raise ValueError(f"samples[{k}]: expected finite numbers or NaN, found infinity")
     return values
 
 
 def _motion(mhe: ShapeMhe, k: int, key: str, value: Any) -> Array:
     rows, columns = mhe.step.size_in(key)
     shape = (rows, columns // (mhe.window + 1))
+    if key == "attitude":
+        rotation_matrix(f"samples[{k}]: attitude", value)
     return np.asarray(expression(f"samples[{k}]: {key}", value, shape).full())
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import oracle
@@ -372,13 +374,27 @@ def test_the_covariance_of_the_shape_is_that_of_its_points(beam):
     [
         ({"process": "brownian"}, "process: expected one of"),
         ({"density": -1.0}, "density: expected a number above zero"),
+        (
+            {"root_gyro_density": [1, 2], "attitude": True, "root_inputs": ["twist", "twist_rate"]},
+            "root_gyro_density: expected 1 number, found 2",
+        ),
         ({"density": [1.0, 2.0]}, "density: expected 1 number or 3, found 2"),
         ({"acceleration": None}, "acceleration: expected"),
-        ({"process": "random_walk"}, "rate: expected"),
+        (
+            {"process": "random_walk"},
+            r"rate: expected the standard deviation of q_dot, rad/\(m s\)",
+        ),
         ({"gate": 0.0}, "gate: expected a number above zero"),
         ({"iterations": 0}, "iterations: expected a whole number"),
         ({"root_inputs": ["speed"]}, "root_inputs: expected names among"),
-        ({"attitude": True}, "root_gyro_density: expected"),
+        (
+            {"attitude": True, "root_inputs": ["twist", "twist_rate"]},
+            "root_gyro_density: expected the noise of the gyro at the root, rad/√s",
+        ),
+        (
+            {"attitude": True, "root_gyro_density": 1e-3, "root_inputs": ["position"]},
+            "root_inputs: expected 'twist', and for accelerometers 'twist_rate'",
+        ),
         ({"gyro_bias": True}, "bias_density: expected"),
         ({"attitude": True, "root_gyro_density": 1e-3, "root_inputs": ["attitude"]}, "attitude"),
     ],
@@ -388,8 +404,37 @@ def test_wrong_arguments_are_refused(beam, options, message):
         cc.shape_ekf(beam, [GYRO, ACCELEROMETER], **{**MOVING, **options})
 
 
+def test_symbols_are_named(beam):
+    options = {"process": "random_walk", "density": 0.1}
+    with pytest.raises(ValueError, match=r"Beam.length: expected numbers in a filter"):
+        cc.shape_ekf(replace(beam, length=ca.SX.sym("L")), [ATTITUDE], **options)
+    biased = replace(ATTITUDE, bias=ca.SX.sym("b", 3))
+    with pytest.raises(ValueError, match=r"sensors\[0\].bias: expected numbers in a filter"):
+        cc.shape_ekf(beam, [biased], **options)
+    with pytest.raises(ValueError, match=r"sensors\[0\].bias: expected numbers in a filter"):
+        cc.shape_mhe(beam, [biased], dt=0.1, window=2, **options)
+
+
+def test_gyros_on_a_wing_of_unknown_attitude_need_the_twist(beam):
+    with pytest.raises(
+        ValueError, match=r"root_inputs: expected 'twist' where .*gyros and acc.*also read"
+    ):
+        cc.shape_ekf(
+            beam,
+            [GYRO],
+            process="white_acceleration",
+            density=1,
+            attitude=True,
+            root_gyro_density=1e-3,
+        )
+
+
 def test_a_start_names_what_is_missing(beam):
     ekf = cc.shape_ekf(beam, [GYRO], process="white_acceleration", density=0.1)
+    with pytest.raises(ValueError, match="deviation: expected values by name of a part"):
+        ekf.initial(0.1)
+    with pytest.raises(ValueError, match="name: expected one of 'q', 'q_dot'; found 'x'"):
+        ekf.part(ekf.initial({"q": 0.1, "q_dot": 0.1}), "x")
     with pytest.raises(ValueError, match="deviation: expected 'q_dot'"):
         ekf.initial({"q": 0.1})
     with pytest.raises(ValueError, match=r"deviation\['q'\]: expected a positive definite"):

@@ -447,7 +447,7 @@ MISTAKES = {
     ),
     "infinite": (
         lambda: cc.fit_shape(WING, ATTITUDES, EXACT + np.inf),
-        "measurements: expected finite numbers",
+        r"measurements\[0\]: expected finite numbers or NaN, found inf",
     ),
     "text": (lambda: cc.fit_shape(WING, ATTITUDES, "wing"), "measurements: expected numbers"),
     "all missing": (

@@ -655,7 +655,10 @@ def test_the_step_compiles_and_agrees(tmp_path, real, process):
         ({"name": "1"}, r"name: expected letters"),
         ({"qp_solver": "none"}, r"qp_solver: expected a QP solver of CasADi, found 'none'"),
         ({"sensors": []}, r"sensors: expected one or more"),
-        ({"sensors": [cc.RateGyro(xi=1, **IMU)]}, r"rate: expected one or 5 numbers .*None"),
+        (
+            {"sensors": [cc.RateGyro(xi=1, **IMU)]},
+            r"rate: expected one or 5 numbers above zero \(rad/\(m s\), of.*None",
+        ),
         ({"beam": None}, r"beam: expected a Beam, found None"),
     ],
     ids=str,

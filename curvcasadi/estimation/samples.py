@@ -21,8 +21,9 @@ _FAR = 1e-2
 def samples_function(sensors: Sequence[Sensor]) -> ca.Function:
     """measured (m, 1) -> samples (m, 1) without NaN, and seen (r, 1): 1, or 0 where one is missing.
 
-    An attitude is there as a whole or not at all; one that `is_rotation` denies is not. A number is below zero or not; NaN is neither, as
-    comparisons with it are false in C, too. The selection guards no derivative, and none is taken.
+    An attitude is there as a whole or not at all; one that `is_rotation` denies is not. A number
+    is below zero or not; NaN is neither, as comparisons with it are false in C, too. The selection
+    guards no derivative, and none is taken.
     """
     layout = sensor_channels(sensors).layout
     measured = ca.SX.sym("measured", layout.size)

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam import Beam
-from curvcasadi.expressions import Array, Number, instance, numbers, rotation_matrix
+from curvcasadi.expressions import Array, Number, instance, is_numeric, numbers, rotation_matrix
 from curvcasadi.sensors import (
     AttitudeSensor,
     Channels,
@@ -21,6 +21,7 @@ from curvcasadi.sensors import (
     sensor_channels,
 )
 from curvcasadi.sensors.channels import checked_sensors
+from curvcasadi.sensors.station_functions import mount_fields
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +101,17 @@ def sensor_model(
     return _model(beam, checked_sensors(sensors), tuple(inputs), tuple(unknowns), root)
 
 
+def check_numeric(beam: Beam, sensors: Sequence[Sensor]) -> None:
+    """ValueError that names a field of the beam or a sensor that holds symbols."""
+    symbols = {**beam.design_symbols}
+    for i, sensor in enumerate(sensors):
+        for key, value in mount_fields(sensor).items():
+            if not is_numeric(value):
+                symbols[f"sensors[{i}].{key}"] = value
+    for name, symbol in symbols.items():
+        raise ValueError(f"{name}: expected numbers in a filter, found the symbol {symbol}")
+
+
 @lru_cache(maxsize=32)
 def _model(
     beam: Beam,
@@ -157,8 +169,14 @@ def _numbers_or_nan(name: str, value: Number) -> Array:
     array = np.array(value.full() if isinstance(value, ca.DM) else value, dtype=object)
     try:
         missing = np.isnan(array.astype(float))
+        infinite = np.argwhere(np.isinf(array.astype(float)))
     except (TypeError, ValueError):
-        missing = np.zeros(array.shape, bool)
+        missing, infinite = np.zeros(array.shape, bool), np.zeros((0, array.ndim))
+    for at in infinite:
+        where = ", ".join(map(str, at))
+        raise ValueError(
+            f"{name}[{where}]: expected finite numbers or NaN, found {array[tuple(at)]}"
+        )
     filled = numbers(name, np.where(missing, 0.0, array))
     return np.where(missing, np.nan, filled)
 

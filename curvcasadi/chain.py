@@ -61,25 +61,25 @@ class Chain:
     exits: tuple[tuple[int, int | None], ...]  #: per station: whole elements, then a partial one
 
     def march(
-        self, step: ca.Function, state: AnyExpr, *arguments: AnyExpr, span: int = 1
+        self, steps: Sequence[ca.Function], state: AnyExpr, *arguments: AnyExpr
     ) -> list[AnyExpr]:
-        """The state at each station; `step(*arguments, state, data)` crosses one interval.
+        """The state at each station; `steps[k](*arguments, state, data)` crosses k + 1 intervals.
 
-        The state goes before the data: generated C then keeps one data vector alive, not all. With
-        MX weights a call crosses up to `span` intervals: generated C is shorter, and keeps two
-        states more.
+        Only MX weights take steps of several. The state goes before the data: generated C then
+        keeps one data vector alive, not all.
         """
         kind = same_kind(state=state, **{str(i): value for i, value in enumerate(arguments)})
+        longest = len(steps) if kind is ca.MX else 1
         at, states = 0, {0: kind(state)}
         for end in sorted({k for k, _ in self.exits}):
             while at < end:
-                count = min(span, end - at) if kind is ca.MX else 1
-                data = self.data[at : at + count]
-                crossed = crossing(step, count)(*arguments, states[at], ca.vertcat(*data))
+                count = min(longest, end - at)
+                data = ca.vertcat(*self.data[at : at + count])
+                crossed = steps[count - 1](*arguments, states[at], data)
                 at += count
                 states[at] = crossed
         return [
-            states[k] if partial is None else step(*arguments, states[k], self.data[partial])
+            states[k] if partial is None else steps[0](*arguments, states[k], self.data[partial])
             for k, partial in self.exits
         ]
 
@@ -244,22 +244,6 @@ def step_function(
     names = [*arguments, "state", "data"]
     return ca.Function(
         name, [*arguments.values(), state, data], [next_state], names, ["next"], {"cse": True}
-    )
-
-
-@lru_cache(maxsize=256)
-def crossing(step: ca.Function, count: int) -> ca.Function:
-    """`step` over `count` intervals: (…, state, their data, stacked) -> state."""
-    if count == 1:
-        return step
-    *arguments, start, data = step.mx_in()
-    stacked = ca.MX.sym("data", count * data.numel())
-    state = start
-    for part in ca.vertsplit(stacked, data.numel()):
-        state = step(*arguments, state, part)
-    inputs = [*arguments, start, stacked]
-    return ca.Function(
-        f"{step.name()}_{count}", inputs, [state], step.name_in(), step.name_out(), {"cse": True}
     )
 
 

@@ -123,6 +123,22 @@ def advance_with_tangent(
     angular, linear : (3, 1 + 3 m)
         Derivatives with respect to (h, M_1 … M_m).
     """
+    rotation, position, left, shift, d_theta, d_v = advance_with_factors(
+        rotation, position, h, moments, rule, exponential, degree
+    )
+    return rotation, position, left @ d_theta, shift @ d_theta + left @ d_v
+
+
+def advance_with_factors(
+    rotation: ca.SX,
+    position: ca.SX,
+    h: ca.SX,
+    moments: ca.SX,
+    rule: str,
+    exponential: str,
+    degree: int,
+) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
+    """`advance_with_tangent` before its products: R⁺, p⁺, R J_l, R M + [p⁺×] R J_l, dθ and dv."""
     theta, v, d_theta, d_v = strain_with_derivatives(rule)(h, moments)
     x = ca.sumsqr(theta)
     tangent = _tangent_coefficients(x, exponential, degree)
@@ -130,7 +146,7 @@ def advance_with_tangent(
     end = position + left @ v
     shift = rotation @ so3.left_jacobian_product_derivative(theta, v, tangent)
     shift += so3.hat(end) @ left
-    return rotation + left @ so3.hat(theta), end, left @ d_theta, shift @ d_theta + left @ d_v
+    return rotation + left @ so3.hat(theta), end, left, shift, d_theta, d_v
 
 
 def strain_force(

@@ -11,15 +11,18 @@ Its cost is linear in the number of elements. Nothing here depends on the beam's
 from __future__ import annotations
 
 from functools import lru_cache
+from math import comb
 from typing import NamedTuple
 
 import casadi as ca
+import numpy as np
 
 from curvcasadi import chain, element
 from curvcasadi.beam import Beam
 from curvcasadi.chain import Interval, Pattern
 from curvcasadi.expressions import AnyExpr, expression, same_kind, station
 from curvcasadi.lie import so3
+from curvcasadi.rules import strain_with_derivatives
 
 
 def body_jacobian(beam: Beam, q: AnyExpr, xi: float = 1.0) -> AnyExpr:
@@ -134,7 +137,7 @@ def motion_states(
     ----------
     order : 0 for poses, 1 for twists, 2 for accelerations
     jacobian : whether the sums are marched, too, and their rates up to `order`
-    span : see `Chain.march`
+    span : most elements that a call with MX weights crosses, where the sums are marched
     """
     n, zero = beam_chain.pattern.n, ca.DM.zeros(6)
     root = (motion.root_twist, motion.root_twist_rate)[:order]
@@ -146,8 +149,11 @@ def motion_states(
         arguments.append(ca.DM.zeros(n) if motion.q_dot is None else motion.q_dot)
     if order == 2 and motion.q_ddot is not None:
         arguments.append(motion.q_ddot)
-    step = _motion_step(beam_chain.pattern, order, len(arguments) - 1, jacobian)
-    return beam_chain.march(step, ca.densify(ca.vertcat(*start)), *arguments, span=span)
+    steps = [
+        _motion_step(beam_chain.pattern, order, len(arguments) - 1, jacobian, count)
+        for count in range(1, 1 + span)
+    ]
+    return beam_chain.march(steps, ca.densify(ca.vertcat(*start)), *arguments)
 
 
 def unpack_motion(state: AnyExpr, order: int) -> StationMotion:
@@ -174,7 +180,7 @@ def jacobian_states(
     pattern = beam_chain.pattern
     columns = pattern.n + pattern.n_parameters
     start = ca.vertcat(root, ca.DM.zeros(6 * columns))
-    return beam_chain.march(_jacobian_step(pattern), start, q)
+    return beam_chain.march([_jacobian_step(pattern)], start, q)
 
 
 def body_jacobian_of(state: AnyExpr) -> AnyExpr:
@@ -235,43 +241,95 @@ def _jacobian_step(pattern: Pattern) -> ca.Function:
 
 
 @lru_cache(maxsize=256)
-def _motion_step(pattern: Pattern, order: int, rates: int, jacobian: bool) -> ca.Function:
+def _motion_step(
+    pattern: Pattern, order: int, rates: int, jacobian: bool, count: int = 1
+) -> ca.Function:
     """(q, q_dot, q_ddot, state, data) -> state, with the first `rates` of the rates of q.
 
-    The rates of an element's contribution are its derivatives along the motion of the element's own
-    start pose and moments, as Taylor polynomials of the time: AD of one element, never of the
-    chain.
+    Of one interval SX; of several, whose data are stacked, MX that calls the two parts of a step:
+    generated C is shorter than with steps of one part, and keeps more results meanwhile.
     """
-    n = pattern.n
+    n, kind = pattern.n, ca.SX if count == 1 else ca.MX
+    arguments = {name: kind.sym(name, n) for name in ("q", "q_dot", "q_ddot")[: 1 + rates]}
+    first, sizes = 12 + 6 * order, [6 * n] * (order + 1 if jacobian else 0)
+    state = kind.sym("state", first + sum(sizes))
+    data = kind.sym("data", count * sum(pattern.sizes))
+    tangent, columns = _tangent_step(pattern, order, rates), _columns_step(pattern)
+    start, *sums = ca.vertsplit(state, np.cumsum([0, first, *sizes]).tolist())
+    before = [kind(6 * n, 1)] * (order + 1)
+    for part in ca.vertsplit(data, sum(pattern.sizes)):
+        start, *found = tangent(*arguments.values(), start, part, *(sums or before))
+        factors, strains = found[: order + 1], found[order + 1 :]
+        for k in range(len(sums)):
+            for i in range(k + 1):
+                sums[k] = columns(sums[k], comb(k, i) * factors[i], strains[k - i], part)
+    name = "element_motion" if count == 1 else f"element_motion_{count}"
+    return chain.step_function(name, arguments, state, data, ca.vertcat(start, *sums))
+
+
+@lru_cache(maxsize=256)
+def _tangent_step(pattern: Pattern, order: int, rates: int) -> ca.Function:
+    """(q, q_dot, q_ddot, state without sums, data, sums) -> state without sums, then the factors
+    (left, shift) and (dθ, dv) of `element.advance_with_factors`, each with its rates up to `order`.
+
+    Sums are inputs that nothing depends on: so generated C finishes those of one element before it
+    turns to the next, and keeps the factors of one element alone.
+
+    Rates are derivatives along the motion of the element's own start pose and moments, as Taylor
+    polynomials of the time: AD of one element, never of the chain.
+    """
     symbols = chain.interval(pattern)
-    directions = symbols.directions[1:, :n]
-    weight_rates = {name: ca.SX.sym(name, n) for name in ("q_dot", "q_ddot")[:rates]}
+    directions = symbols.directions[1:, : pattern.n]
+    weight_rates = {name: ca.SX.sym(name, pattern.n) for name in ("q_dot", "q_ddot")[:rates]}
     moment_rates = [directions @ rate for rate in weight_rates.values()]
     moment_rates += [ca.SX(directions.shape[0], 1)] * (order - rates)
-    state = ca.SX.sym("state", 12 + 6 * order + 6 * n * (order + 1) * jacobian)
+    state = ca.SX.sym("state", 12 + 6 * order)
     start = unpack_motion(state, order)
 
     t = ca.SX.sym("t")
     rotation, position, moments = _taylor(start, symbols.moments, moment_rates, t)
-    tangent = element.advance_with_tangent(
+    rotation, position, left, shift, d_theta, d_v = element.advance_with_factors(
         rotation, position, symbols.h, moments, pattern.rule, pattern.exponential, pattern.degree
     )
-    series = [ca.vertcat(tangent[2], tangent[3])[:, 1:]]
-    for _ in range(order):
-        series.append(ca.reshape(ca.jacobian(ca.vec(series[-1]), t), *series[0].shape))
-    end, *blocks = ca.substitute([ca.veccat(*tangent[:2]), *series], [t], [0])
+    factors, strains = [ca.horzcat(left, shift)], [ca.vertcat(d_theta, d_v)[:, 1:]]
+    for series in (factors, strains):
+        for _ in range(order):
+            rate = ca.jacobian(ca.vec(ca.densify(series[-1])), t)
+            series.append(ca.project(ca.reshape(rate, *series[0].shape), series[0].sparsity()))
+    end, *found = ca.substitute([ca.veccat(rotation, position), *factors, *strains], [t], [0])
+    factors, strains = found[: order + 1], found[order + 1 :]
 
     parts = [end]
     if order:
-        parts.append(start.twist + blocks[0] @ moment_rates[0])
+        moved = strains[0] @ moment_rates[0]
+        parts.append(start.twist + _columns(factors[0], moved))
     if order == 2:
-        added = blocks[1] @ moment_rates[0] + blocks[0] @ moment_rates[1]
+        moved_rate = strains[1] @ moment_rates[0] + strains[0] @ moment_rates[1]
+        added = _columns(factors[1], moved) + _columns(factors[0], moved_rate)
         parts.append(start.acceleration + added)
-    for (a, b), block in zip(start.sums, blocks, strict=False):
-        parts += [a + block[:3, :] @ directions, b + block[3:, :] @ directions]
-    return chain.step_function(
-        "element_motion", {"q": symbols.q, **weight_rates}, state, symbols.data, ca.veccat(*parts)
-    )
+    sums = [ca.SX.sym("sums", 6 * pattern.n) for _ in range(order + 1)]
+    inputs = [symbols.q, *weight_rates.values(), state, symbols.data, *sums]
+    outputs = [ca.vertcat(*parts), *factors, *strains]
+    return ca.Function("element_tangent", inputs, outputs, {"cse": True})
+
+
+@lru_cache(maxsize=256)
+def _columns_step(pattern: Pattern) -> ca.Function:
+    """(sums, (left, shift), (dθ, dv), data) -> sums (vec A, vec B) with those of an element."""
+    symbols = chain.interval(pattern)
+    _, _, d_theta, d_v = strain_with_derivatives(pattern.rule)(symbols.h, symbols.moments)
+    strains = ca.SX.sym("strains", ca.vertcat(d_theta, d_v)[:, 1:].sparsity())
+    sums, factors = ca.SX.sym("sums", 6 * pattern.n), ca.SX.sym("factors", 3, 6)
+    added = _columns(factors, strains) @ symbols.directions[1:, : pattern.n]
+    after = sums + ca.densify(ca.veccat(added[:3, :], added[3:, :]))
+    inputs = [sums, factors, strains, symbols.data]
+    return ca.Function("element_columns", inputs, [after], {"cse": True})
+
+
+def _columns(factors: ca.SX, strains: ca.SX) -> ca.SX:
+    """[left dθ; shift dθ + left dv]."""
+    left, shift = factors[:, :3], factors[:, 3:]
+    return ca.vertcat(left @ strains[:3, :], shift @ strains[:3, :] + left @ strains[3:, :])
 
 
 def _taylor(

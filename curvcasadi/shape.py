@@ -91,7 +91,7 @@ def poses(beam: Beam, q: AnyExpr, stations: Sequence[float]) -> list[Pose]:
     """Poses of numeric stations, from weights that are checked already."""
     beam_chain = chain.build(beam, stations)
     root = ca.veccat(beam.root.rotation, beam.root.position)
-    states = beam_chain.march(chain.pose_step(beam_chain.pattern), root, q)
+    states = beam_chain.march([chain.pose_step(beam_chain.pattern)], root, q)
     return [
         Pose(rotation=rotation, position=position)
         for rotation, position in map(chain.unpack_pose, states)

@@ -197,7 +197,7 @@ def _passes(
         outboard = [ca.DM.zeros(6), ca.DM.zeros(6, n)]
         forces = [ca.DM.zeros(n), ca.DM.zeros(n, n)]
     else:
-        states = beam_chain.march(chain.pose_step(pattern), root, q)
+        states = beam_chain.march([chain.pose_step(pattern)], root, q)
         inward = virtual_work.inward(pattern)
         outboard, forces = [ca.DM.zeros(6)], [ca.DM.zeros(n)]
     columns = n if tangent else None

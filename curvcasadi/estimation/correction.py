@@ -72,7 +72,7 @@ def _pass(process: Process, observation: Observation, look: bool) -> ca.Function
     readings = Readings(process, observation, state, measured, known)
     rows = readings.rows(None if look or not first else unknown)
     offset = ca.MX(ca.DM.zeros(first)) if look else readings.offset(unknown)
-    belief = ud.belief_of(_augmented(observation, factor), ca.vertcat(-offset, start))
+    belief = _belief(process, observation)(factor, start, offset)
     said = []
     for row in rows:
         if row.shared or not look:
@@ -88,18 +88,22 @@ def _unknowns(observation: Observation) -> int:
     return sum(map(len, observation.unknown.values()))
 
 
-def _augmented(observation: Observation, factor: ca.MX) -> ca.MX:
-    """Factor of the unknowns and the error together, which are independent before an update."""
-    if not observation.unknown:
-        return factor
-    variances = np.concatenate([*observation.unknown.values()]) ** 2
-    first, size = len(variances), factor.shape[0]
+def _belief(process: Process, observation: Observation) -> ca.Function:
+    """(factor, error, offset) -> belief in the unknowns, less their offset, and in the error.
+
+    They are independent before an update.
+    """
+    size, first = process.error.size, _unknowns(observation)
+    factor = ca.MX.sym("factor", ca.Sparsity.upper(size))
+    error, offset = ca.MX.sym("error", size), ca.MX.sym("offset", first)
+    variances = np.concatenate([np.zeros(0), *observation.unknown.values()]) ** 2
     corner = np.diag(variances)[np.tril_indices(first)]  # symmetric: the upper one by columns
     entries = [ca.MX(ca.DM(corner))]
-    offsets = [j * (j + 1) // 2 for j in range(size + 1)]
-    for column in ca.vertsplit(ca.sparsity_cast(factor, ca.Sparsity.dense(offsets[-1])), offsets):
+    ends = [j * (j + 1) // 2 for j in range(size + 1)]
+    for column in ca.vertsplit(ca.sparsity_cast(factor, ca.Sparsity.dense(ends[-1])), ends):
         entries += [ca.MX(ca.DM.zeros(first)), column]
-    return ca.sparsity_cast(ca.vertcat(*entries), ca.Sparsity.upper(first + size))
+    belief = ca.vertcat(*entries, -offset, error)
+    return ca.Function("belief", [factor, error, offset], [belief], {"cse": True})
 
 
 def _retraction(process: Process) -> ca.Function:

@@ -429,6 +429,26 @@ def test_gyros_on_a_wing_of_unknown_attitude_need_the_twist(beam):
         )
 
 
+def test_labels_of_sensors_differ():
+    gauge = cc.StrainGauge(xi=0.5, offset=[0, 0.1], noise=1e-3, name="a_x")
+    with pytest.raises(ValueError, match="sensors: expected different labels, found 'a_x' twice"):
+        cc.sensor_channels([gauge, replace(GYRO, name="a")])
+
+
+def test_inputs_and_outputs_are_described(beam):
+    ekf = attitude_filter(beam)
+    for key, f in (("predict", ekf.predict), ("update", ekf.update)):
+        words = ekf.descriptions[key]
+        assert set(words) == {*f.name_in(), *f.name_out()}
+        cc.CFunction(function=f, descriptions=words)
+    assert "attitude_1_R_xx 1" in words["measured"]
+    assert words["state"].startswith("attitude (9) 1, q (3) rad/m")
+    options = {"process": "random_walk", "density": 0.1, "root_inputs": ["twist"]}
+    mhe = cc.shape_mhe(beam, [ATTITUDE], dt=0.1, window=2, **options)
+    cc.CFunction(function=mhe.step, descriptions=mhe.descriptions, missing=("measured",))
+    assert set(mhe.descriptions) == {*mhe.step.name_in(), *mhe.step.name_out()}
+
+
 def test_a_start_names_what_is_missing(beam):
     ekf = cc.shape_ekf(beam, [GYRO], process="white_acceleration", density=0.1)
     with pytest.raises(ValueError, match="deviation: expected values by name of a part"):

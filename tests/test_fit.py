@@ -470,6 +470,10 @@ MISTAKES = {
         lambda: cc.fit_shape(WING, ATTITUDES, EXACT, loss="l1"),
         "loss: expected one of 'squared', 'huber', 'cauchy'; found 'l1'",
     ),
+    "scale of squares": (
+        lambda: cc.fit_shape(WING, ATTITUDES, EXACT, loss_scale=2.0),
+        "loss_scale: expected None with loss 'squared'",
+    ),
     "negative scale": (
         lambda: cc.fit_shape(WING, ATTITUDES, EXACT, loss="huber", loss_scale=-1),
         "loss_scale: expected a number above zero",

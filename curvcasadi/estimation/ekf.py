@@ -21,6 +21,7 @@ from curvcasadi.estimation.process import (
     predict_function,
 )
 from curvcasadi.estimation.sensor_model import check_numeric
+from curvcasadi.estimation.words import ekf_words
 from curvcasadi.expressions import (
     Array,
     Number,
@@ -111,6 +112,16 @@ class ShapeEkf:
         state = self.layout.join(parts).full()[:, 0]
         at = float(expression("time", time, (1, 1)))
         return Estimate(at, state, ud.factor_of(covariance))
+
+    @property
+    def descriptions(self) -> Mapping[str, Mapping[str, str]]:
+        """Of "predict" and of "update", words for inputs and outputs, as `CFunction` takes them."""
+        return {
+            key: ekf_words(
+                self.layout, self.error_layout, self.channels, [*f.name_in(), *f.name_out()]
+            )
+            for key, f in (("predict", self.predict), ("update", self.update))
+        }
 
     def layout_size(self, name: str) -> int:
         """Size of a part of the state."""

@@ -81,6 +81,10 @@ def fit_shape(
         For arguments of the wrong shape, kind or range, and if all samples are missing.
     """
     choice("loss", loss, get_args(LossName))
+    if loss == "squared" and loss_scale is not None:
+        raise ValueError(
+            f"loss_scale: expected None with loss 'squared', which has no scale; found {loss_scale}"
+        )
     scale = SCALES[loss] if loss_scale is None else float(positive("loss_scale", loss_scale))
     n = beam.basis.n if isinstance(beam, Beam) else 0
     rates = {"q_dot": q_dot, "q_ddot": q_ddot}

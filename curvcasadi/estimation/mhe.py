@@ -18,6 +18,7 @@ from curvcasadi.estimation.samples import sample_values
 from curvcasadi.estimation.sensor_model import check_numeric, covariance_matrix
 from curvcasadi.estimation.window_problem import WindowProblem
 from curvcasadi.estimation.window_step import step_function
+from curvcasadi.estimation.words import mhe_words
 from curvcasadi.expressions import (
     Array,
     Number,
@@ -79,6 +80,12 @@ class ShapeMhe:
     beam: Beam
     dt: float  #: s
     window: int  #: N: a window holds N + 1 samples
+
+    @property
+    def descriptions(self) -> Mapping[str, str]:
+        """Words for inputs and outputs of the step, as `CFunction` takes them."""
+        names = [*self.step.name_in(), *self.step.name_out()]
+        return mhe_words(self.layout, self.node, self.channels, names)
 
     def initial(
         self,

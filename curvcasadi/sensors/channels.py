@@ -38,12 +38,15 @@ def sensor_channels(sensors: Sequence[Sensor]) -> Channels:
     sensors = checked_sensors(sensors)
     names = _names(sensors)
     named = list(zip(names, sensors, strict=True))
+    labels = Counter(f"{n}_{c}" if c else n for n, s in named for c in s.components)
+    for label in [label for label, times in labels.items() if times > 1]:
+        raise ValueError(f"sensors: expected different labels, found {label!r} twice in {names}")
     return Channels(
         layout=Layout(tuple(Part(n, len(s.components), s.unit) for n, s in named)),
         residual_layout=Layout(
             tuple(Part(n, len(s.residual_components), s.residual_unit) for n, s in named)
         ),
-        labels=tuple(f"{n}_{c}" if c else n for n, s in named for c in s.components),
+        labels=tuple(labels),
         residual_labels=tuple(
             f"{n}_{c}" if c else n for n, s in named for c in s.residual_components
         ),

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from math import comb
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -249,7 +249,8 @@ def _motion_step(
     Of one interval SX; of several, whose data are stacked, MX that calls the two parts of a step:
     generated C is shorter than with steps of one part, and keeps more results meanwhile.
     """
-    n, kind = pattern.n, ca.SX if count == 1 else ca.MX
+    n = pattern.n
+    kind: Any = ca.SX if count == 1 else ca.MX
     arguments = {name: kind.sym(name, n) for name in ("q", "q_dot", "q_ddot")[: 1 + rates]}
     first, sizes = 12 + 6 * order, [6 * n] * (order + 1 if jacobian else 0)
     state = kind.sym("state", first + sum(sizes))
@@ -263,8 +264,10 @@ def _motion_step(
         for k in range(len(sums)):
             for i in range(k + 1):
                 sums[k] = columns(sums[k], comb(k, i) * factors[i], strains[k - i], part)
-    name = "element_motion" if count == 1 else f"element_motion_{count}"
-    return chain.step_function(name, arguments, state, data, ca.vertcat(start, *sums))
+    name, end = "element_motion", kind(ca.vertcat(start, *sums))
+    if count > 1:
+        name += f"_{count}"
+    return chain.step_function(name, arguments, state, data, end)
 
 
 @lru_cache(maxsize=256)

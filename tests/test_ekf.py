@@ -429,6 +429,26 @@ def test_gyros_on_a_wing_of_unknown_attitude_need_the_twist(beam):
         )
 
 
+def test_rows_of_an_attitude_stand_or_fall_together(beam):
+    ekf = cc.shape_ekf(beam, [ATTITUDE, GYRO], process="white_acceleration", density=0.1)
+    start = ekf.initial({"q": 1e-3, "q_dot": 0.1})
+    samples = [np.append(oracle.rotation([0, 0, z]).T.ravel(), np.zeros(3)) for z in (1.0, 0.01)]
+    wrong, right = (next(cc.run_ekf(ekf, start, [(0.0, values)])) for values in samples)
+    assert_allclose(wrong.used, [0, 0, 0, 1, 1, 1], atol=0)
+    assert np.abs(wrong.innovation[:3]).max() > 5
+    gyro_alone = np.append(np.full(9, np.nan), np.zeros(3))
+    (expected,) = cc.run_ekf(ekf, start, [(0.0, gyro_alone)])
+    assert_allclose(wrong.state, expected.state, atol=1e-17)
+    assert_allclose(wrong.factor, expected.factor, rtol=1e-12)  # rounding
+    open_gate = cc.shape_ekf(
+        beam, [ATTITUDE, GYRO], process="white_acceleration", density=0.1, gate=np.inf
+    )
+    (same,) = cc.run_ekf(open_gate, start, [(0.0, samples[1])])
+    assert_allclose(right.state, same.state, atol=1e-15)
+    assert_allclose(right.innovation, same.innovation, rtol=1e-9, atol=1e-12)
+    assert right.dof == 6
+
+
 def test_labels_of_sensors_differ():
     gauge = cc.StrainGauge(xi=0.5, offset=[0, 0.1], noise=1e-3, name="a_x")
     with pytest.raises(ValueError, match="sensors: expected different labels, found 'a_x' twice"):

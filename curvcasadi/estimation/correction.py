@@ -76,7 +76,9 @@ def _pass(process: Process, observation: Observation, look: bool) -> ca.Function
     said = []
     for row in rows:
         if row.shared or not look:
-            belief, told = ud.measure_rows(belief, row.rows, row.variance, observation.gate)
+            gated = row.together and observation.gate < np.inf
+            measure = ud.measure_together if gated else ud.measure_rows
+            belief, told = measure(belief, row.rows, row.variance, observation.gate)
             said += told
     after, error = ud.split_belief(belief, first + size)
     outputs = [error[first:], after[first:, first:], ca.horzcat(*said), offset + error[:first, :]]

@@ -203,7 +203,8 @@ def shape_ekf(
     root_inputs : what is an input of `update` instead, out of "attitude" (3, 3), "position" (3, 1),
         "twist" (6, 1) and "twist_rate" (6, 1), as in `RootMotion`. The estimated bias of the root's
         gyro is taken off the twist; its noise is not accounted for in the gyros on the wing
-    gate : largest innovation over its standard deviation; np.inf uses everything
+    gate : largest innovation over its standard deviation; np.inf uses everything. The three rows of
+        an attitude sensor stand or fall together
     iterations : linearizations of an update. One serves a filter that has converged; from a start
         whose errors bend the readings (or a long gap) take five or more, in a second filter
     name : the Functions are called <name>_predict and <name>_update

@@ -11,7 +11,7 @@ from curvcasadi.beam import Beam
 from curvcasadi.estimation.process import Process, offsets
 from curvcasadi.expressions import AnyExpr, Array
 from curvcasadi.pose import Pose
-from curvcasadi.sensors import Channels, RateGyro, RootMotion, Sensor
+from curvcasadi.sensors import AttitudeSensor, Channels, RateGyro, RootMotion, Sensor
 from curvcasadi.sensors.readout import Readout
 
 #: What may be known of the root's motion, an input of the update.
@@ -43,6 +43,7 @@ class Rows:
 
     name: str
     shared: bool  #: whether they depend on unknowns
+    together: bool  #: whether a gate lets all through or none
     rows: list[AnyExpr]  #: (unknowns + error + 1, 1) each: slope, residual
     variance: Array  #: (r,)
 
@@ -121,6 +122,7 @@ class Readings:
             Rows(
                 name=name,
                 shared=bool(self.observation.unknown) and sensor.order >= order,
+                together=isinstance(sensor, AttitudeSensor),
                 rows=rows,
                 variance=noise[name].full()[:, 0] ** 2,
             )

@@ -11,7 +11,8 @@ a time (chapter V), added noise (chapter VI, with the update of Agee and Turner)
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, reduce
+from operator import mul
 
 import casadi as ca
 import numpy as np
@@ -115,6 +116,22 @@ def measure_rows(
         belief, told = measure(row.numel() - 1, gate)(belief, belief, row, variance)
         said.append(told)
     return belief, said
+
+
+def measure_together(
+    belief: AnyExpr, rows: Sequence[AnyExpr], variances: Array, gate: float
+) -> tuple[AnyExpr, list[AnyExpr]]:
+    """As `measure_rows`, but of rows that one gate lets through, each alone, all or none.
+
+    What it says of rows that are not used is that of each alone.
+    """
+    judge = measure(rows[0].numel() - 1, gate)
+    alone = [judge(belief, belief, *pair)[1] for pair in zip(rows, variances, strict=True)]
+    together = reduce(mul, [told[1] for told in alone])
+    missing = ca.vertcat(ca.DM.zeros(rows[0].numel() - 1), ca.sqrt(together - 1))
+    belief, said = measure_rows(belief, [row + missing for row in rows], variances, np.inf)
+    rejected = [ca.vertcat((1 - together) * one[0], 0) for one in alone]
+    return belief, [told + one for told, one in zip(said, rejected, strict=True)]
 
 
 @lru_cache(maxsize=64)

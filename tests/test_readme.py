@@ -67,6 +67,7 @@ BUDGETED = (
     "mpc.tip_path_step.cortex-m4",
     "mpc.tip_path.cortex-m4",
     "statics.equilibrium.cortex-m4",
+    "ekf.ekf_step.cortex-m4",
 )
 
 

@@ -28,6 +28,7 @@ def samples_function(sensors: Sequence[Sensor]) -> ca.Function:
     layout = sensor_channels(sensors).layout
     measured = ca.SX.sym("measured", layout.size)
     samples, seen = [], []
+    there: Any
     for sensor, values in zip(sensors, layout.split(measured).values(), strict=True):
         if isinstance(sensor, AttitudeSensor):
             there, instead = ca.repmat(is_rotation(values), 9, 1), ca.DM(_ATTITUDE)

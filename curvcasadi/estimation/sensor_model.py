@@ -169,9 +169,9 @@ def _numbers_or_nan(name: str, value: Number) -> Array:
     array = np.array(value.full() if isinstance(value, ca.DM) else value, dtype=object)
     try:
         missing = np.isnan(array.astype(float))
-        infinite = np.argwhere(np.isinf(array.astype(float)))
+        infinite = np.argwhere(np.isinf(array.astype(float))).tolist()
     except (TypeError, ValueError):
-        missing, infinite = np.zeros(array.shape, bool), np.zeros((0, array.ndim))
+        missing, infinite = np.zeros(array.shape, bool), []
     for at in infinite:
         where = ", ".join(map(str, at))
         raise ValueError(

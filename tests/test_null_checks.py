@@ -54,6 +54,18 @@ def test_results_stay_what_they_were(tmp_path, which):
     assert cc.export.run_check(tmp_path)["outer"] <= 1e-15  # the same operations
 
 
+@pytest.mark.parametrize("size", [2, 30])
+def test_zeros_for_inputs_that_are_left_out_stay_where_there_can_be_any(size):
+    """CasADi points at them in place of a large input; inner functions have all of theirs."""
+    y, z, x = ca.SX.sym("y", 30), ca.MX.sym("z", 30), ca.MX.sym("x", size)
+    one = ca.Function("one", [y], [ca.sumsqr(y)], {"never_inline": True})
+    inner = ca.Function("inner", [z], [one(z) + one(2 * z)])
+    outer = ca.Function("outer", [x], [inner(ca.repmat(x, 30 // size))])
+    source, *_ = generate([outer], "curv_functions", "double")
+    table = re.search(r"^static const casadi_real casadi_zeros\[", source, re.M)
+    assert bool(table) == (size == 30)
+
+
 def test_functions_that_cannot_fail_are_not_asked_whether_they_did():
     """What calls one that can fail can fail, too."""
     bodies = {

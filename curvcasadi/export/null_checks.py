@@ -11,6 +11,9 @@ _SET_OR_CALL = re.compile(
 #: Values of pointers that are never null: parts of the work vector, inputs replaced by zeros.
 _NOT_NULL = re.compile(r"\(?&?w\w*(\+\d+)?\)?|casadi_c\d+")
 
+#: The zeros that an input is where a caller passes no pointer.
+_ZEROS = re.compile(r"^static const casadi_real casadi_zeros\[\d+\] =\s*\{[^{}]*\};\n", re.M)
+
 
 def without_null_checks(source: str) -> str:
     """`source` without questions for null pointers that no call of a function passes.
@@ -34,7 +37,10 @@ def without_null_checks(source: str) -> str:
             }
             sure[called] = sure.get(called, given) & given
             values = {}
-    return "".join(_without(part, sure) for part in parts)
+    text = "".join(_without(part, sure) for part in parts)
+    if not re.search(r": casadi_zeros;", text):
+        text = _ZEROS.sub("", text)
+    return text
 
 
 def _without(part: str, sure: dict[str, set[str]]) -> str:

@@ -15,7 +15,7 @@ from scipy.special import ellipk
 
 import curvcasadi as cc
 from curvcasadi.equilibrium_function import residual_function
-from curvcasadi.export import export_c, run_check
+from curvcasadi.export import CFunction, export_c, run_check
 from curvcasadi.reference_wings import hale_wing
 
 DOWN = [cc.Gravity([0, 0, 9.81])]  # body axes, z down
@@ -346,7 +346,13 @@ def test_the_equilibrium_becomes_c(tmp_path, equilibrium):
         [np.zeros(9), *NOMINAL.values()],
         [np.full(9, 1e-3), 3e4, 2e4, 1.0, 0.5, [0.0, 5.0, -30.0], -0.4],
     ]
-    export_c([equilibrium], tmp_path, reference_inputs={"equilibrium": samples})
+    # Without outputs that tell: refused, unless asked for.
+    with pytest.raises(
+        ValueError, match=r"'equilibrium' holds a solver \(FastNewton\).*checked=Tr"
+    ):
+        export_c([equilibrium], tmp_path, reference_inputs={"equilibrium": samples})
+    export = CFunction(function=equilibrium, unchecked=True)
+    export_c([export], tmp_path, reference_inputs={"equilibrium": samples})
     # Newton ends at rounding in either program: the check's own limit.
     assert run_check(tmp_path)["equilibrium"] <= 1e-13
 

@@ -280,7 +280,8 @@ def test_the_manifest_has_the_hash_and_the_version_of_what_was_generated(exporte
 
 def test_the_manifest_tells_the_iterations_of_every_solver(exported):
     _, manifest = exported
-    # Those asked for, one of a single program; 100 that sqpmethod has by default, 1000 of qrqp.
+    # Those asked for, one of a single program; 100 by default; of all quadratic programs the most,
+    # three for each of the unknowns and constraints of the MPC.
     assert manifest["iterations"] == {
         "near_stage": 9,
         "near_step_stage": 1,
@@ -288,7 +289,7 @@ def test_the_manifest_tells_the_iterations_of_every_solver(exported):
         "path_solver": 100,
         "path_step_solver": 1,
         "equilibrium_solver": 7,
-        "qpsol": 1000,
+        "qpsol": 120,
     }
 
 

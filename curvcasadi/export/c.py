@@ -12,7 +12,7 @@ import casadi as ca
 
 from curvcasadi.beam import Beam
 from curvcasadi.export import generated, self_test, wrappers
-from curvcasadi.export.c_function import CFunction, c_functions
+from curvcasadi.export.c_function import TAKEN, CFunction, c_functions
 from curvcasadi.export.manifest import manifest
 from curvcasadi.expressions import choice, function_name
 
@@ -71,15 +71,21 @@ def export_c(
     """
     choice("real", real, _SIZES)
     function_name("name", name)
-    if name == "check":
-        raise ValueError("name: expected another than that of the self-test, found 'check'")
+    if name == "check" or name in TAKEN:
+        raise ValueError(
+            f"name: expected another than that of the self-test and words of C, found {name!r}"
+        )
     exports = c_functions(functions, beam)
+    if name in {f.name for f in exports}:
+        raise ValueError(f"name: expected another than that of a function, found {name!r}")
     angles = wrappers.angle_functions(exports)
     casadi_functions = [*(f.function for f in exports), *angles.values()]
     names = [f.name() for f in casadi_functions]
     if len(set(names)) < len(names):
         raise ValueError(f"functions: expected names other than {names[len(exports) :]}")
     source, header, work = generated.generate(casadi_functions, f"{name}_functions", real)
+    for export in exports:
+        export.refuse_unchecked_solver()
     wrapped = [
         wrappers.Wrapper(
             export=f,
@@ -122,6 +128,8 @@ def export_c(
     described["shared_buffers"] = shared_buffers
     texts["manifest.json"] = json.dumps(described, indent=2) + "\n"
     folder = Path(directory)
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"directory: expected a folder, found the file {folder}")
     folder.mkdir(parents=True, exist_ok=True)
     for file, text in texts.items():
         (folder / file).write_text(text)

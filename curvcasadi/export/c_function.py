@@ -17,6 +17,9 @@ WEIGHTS = ("q", "q_guess")
 #: Outputs by which a Function that solves says whether it did: met where at most 1.
 VIOLATION, STATIONARITY = "violation", "stationarity"
 
+#: What CasADi calls solvers that can fail and still become C.
+_SOLVERS = {"Sqpmethod", "Qrqp", "FastNewton"}
+
 #: Words for the inputs and outputs of this package's Functions, by name.
 _WORDS = {
     "q": "rad/m, curvature weights",
@@ -49,7 +52,9 @@ TAKEN = frozenset(
     union unsigned void volatile while main printf abs acos asin atan atan2 ceil cos cosh div
     erf exp exp2 expm1 fabs floor fma fmax fmin fmod frexp gamma hypot index isfinite isinf
     isnan ldexp lgamma log log10 log1p log2 modf nan pow round signbit sin sinh sqrt tan tanh
-    tgamma time trunc y0 y1 j0 j1 memset real_t all_finite all_within none_infinite
+    tgamma time trunc y0 y1 j0 j1 class new delete this template private public protected friend
+    bool true false namespace using virtual operator try catch throw typename explicit mutable
+    export memset real_t all_finite all_within none_infinite
     DBL_MAX FLT_MAX HUGE_VAL INFINITY LARGEST NAN NULL UNTOUCHED""".split()
 )
 
@@ -59,18 +64,27 @@ class CFunction:
     """A Function for C, with the limits that its wrapper checks.
 
     A Function with outputs `violation` and `stationarity` is a solver: its wrapper gives out what
-    it found only where both are at most 1.
+    it found only where both are at most 1. Another that holds a solver is refused, as its C would
+    call every result a success.
+
+    Parameters
+    ----------
+    function : with a name of its own
+    weights : by name of an input that holds weights of a beam, one vector a column, that beam: its
+        bounds and element angles are checked
+    missing : names of inputs in which NaN means "no sample"; everywhere else it is bad input
+    descriptions : unit and frame of inputs and outputs, by name, where the package's own words do
+        not fit
+    tolerance : of the self-test, largest error over the largest entry of an output, at least 1
+    unchecked : True exports a solver without those outputs: its status is OK whatever it found
     """
 
     function: ca.Function
-    #: inputs that hold weights of a beam, one vector a column: its bounds and element angles hold
     weights: Mapping[str, Beam] = field(default_factory=dict)
-    #: inputs in which NaN means "no sample"; everywhere else it is bad input
     missing: tuple[str, ...] = ()
-    #: unit and frame of inputs and outputs, by name, where the package's own words do not fit
     descriptions: Mapping[str, str] = field(default_factory=dict)
-    #: of the self-test: largest error over the largest entry of an output, at least 1
     tolerance: float | None = None
+    unchecked: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.function, ca.Function):
@@ -89,11 +103,19 @@ class CFunction:
                 )
             if not self.function.sparsity_in(key).is_dense():
                 raise ValueError(f"CFunction.weights[{key!r}]: expected a dense input, found zeros")
-        object.__setattr__(self, "missing", tuple(self.missing))
+        missing = [self.missing] if isinstance(self.missing, str) else self.missing
+        if not isinstance(missing, Iterable):
+            raise ValueError(f"CFunction.missing: expected names of inputs, found {missing!r}")
+        object.__setattr__(self, "missing", tuple(missing))
         for key in self.missing:
             _known("CFunction.missing", key, inputs)
         for key in instance("CFunction.descriptions", self.descriptions, Mapping):
             _known("CFunction.descriptions", key, [*inputs, *self.function.name_out()])
+            if "*/" in str(self.descriptions[key]):
+                raise ValueError(
+                    f"CFunction.descriptions[{key!r}]: expected words without the end of a comment "
+                    f"in C, found {self.descriptions[key]!r}"
+                )
         if self.tolerance is not None:
             positive("CFunction.tolerance", self.tolerance)
 
@@ -105,6 +127,18 @@ class CFunction:
     def is_solver(self) -> bool:
         """Whether it says by its outputs if it solved its problem."""
         return {VIOLATION, STATIONARITY} <= set(self.function.name_out())
+
+    def refuse_unchecked_solver(self) -> None:
+        """Generated solvers say success whatever they find."""
+        parts = {f.class_name() for f in [self.function, *self.function.find_functions()]}
+        solvers = sorted(parts & _SOLVERS)
+        if solvers and not self.is_solver and not self.unchecked:
+            raise ValueError(
+                f"functions: {self.name!r} holds a solver ({', '.join(solvers)}), whose C calls "
+                f"every result a success: expected outputs {VIOLATION!r} and {STATIONARITY!r}, at "
+                "most 1 where it solved its problem, as equilibrium_function(checked=True) has "
+                "them; or CFunction(unchecked=True)"
+            )
 
     def words(self, name: str) -> str:
         """Unit and frame of an input or output."""
@@ -142,7 +176,13 @@ def _plain(function: Any, beam: Beam | None) -> CFunction:
     if beam is None or not isinstance(function, ca.Function):
         return CFunction(function=function)
     n = instance("beam", beam, Beam).basis.n
-    held = [k for k in function.name_in() if k in WEIGHTS and function.size1_in(k) == n]
+    held = [k for k in function.name_in() if k in WEIGHTS]
+    for key in held:
+        if function.size1_in(key) != n:
+            raise ValueError(
+                f"beam: expected one of {function.size1_in(key)} weights, those of {key!r} of "
+                f"{function.name()!r}, found {n}"
+            )
     return CFunction(function=function, weights=dict.fromkeys(held, beam))
 
 

@@ -100,9 +100,9 @@ def _refuse_unsupported(function: ca.Function) -> None:
         if include and include[1] not in _ALLOWED_HEADERS:
             foreign = [part for part in parts if part.endswith("Interface")]
             raise _unsupported(function, f"{', '.join(foreign)} ({include[1]})")
-    for call in ("printf", "CASADI_PRINTF", "malloc", "calloc", "free"):
+    for call in ("printf", "CASADI_PRINTF", "malloc", "calloc", "free", "erfinv"):
         if re.search(rf"\b{call}\(", _COMMENT.sub("", source)):
-            raise _unsupported(function, f"{call}, as printme and print options do")
+            raise _unsupported(function, f"a call of {call}, as printme and print options do")
 
 
 def _unsupported(function: ca.Function, part: str) -> ValueError:

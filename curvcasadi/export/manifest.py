@@ -43,11 +43,11 @@ def manifest(wrappers: list[Wrapper], source: str, files: list[str], real: str) 
 
 def iteration_bounds(source: str) -> dict[str, int]:
     """Largest number of iterations of every solver in generated C, by its name."""
-    bounds = {}
+    bounds: dict[str, int] = {}
     for part in _PART.finditer(source):
         found = [int(m[1]) for loop in _LOOPS for m in loop.finditer(part[0])]
         if found:
-            bounds[part[1]] = found[0]
+            bounds[part[1]] = max(found[0], bounds.get(part[1], 0))
     return bounds
 
 

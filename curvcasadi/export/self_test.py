@@ -21,6 +21,7 @@ _TOLERANCE = {
     ("float", True): 1e-3,
 }
 _SAMPLES = 5
+_HALVINGS = 40  #: of random weights until no element turns too far
 _STATUS = ("OK", "INFEASIBLE", "NOT_CONVERGED")
 
 
@@ -55,7 +56,8 @@ def _test(wrapper: Wrapper, given: Sequence[Sequence[Any]] | None) -> str:
         raise ValueError(
             f"reference_inputs: expected inputs of the solver {name!r}, which random ones are not"
         )
-    samples = [_sample(wrapper, values) for values in given or _random_inputs(wrapper)]
+    inputs = _random_inputs(wrapper) if given is None else _listed(name, given)
+    samples = [_sample(wrapper, values) for values in inputs]
     outputs = [
         dict(zip(export.function.name_out(), export.function.call(s), strict=True)) for s in samples
     ]
@@ -150,6 +152,17 @@ def _status(export: CFunction, output: Mapping[str, ca.DM]) -> str:
     return "NOT_CONVERGED" if float(output[STATIONARITY]) > 1 else "OK"
 
 
+def _listed(name: str, given: Any) -> list[Sequence[Any]]:
+    """Samples, each a list with a value for every input."""
+    lists = (list, tuple)
+    if not isinstance(given, lists) or not given or not all(isinstance(g, lists) for g in given):
+        raise ValueError(
+            f"reference_inputs[{name!r}]: expected a list of samples, each a list with a value for "
+            f"every input, found {type(given).__name__} {given!r:.60}"
+        )
+    return list(given)
+
+
 def _sample(wrapper: Wrapper, values: Sequence[Any]) -> list[ca.DM]:
     """One value per input, of its shape and sparsity, as numbers of the exported type."""
     f = wrapper.export.function
@@ -167,8 +180,28 @@ def _sample(wrapper: Wrapper, values: Sequence[Any]) -> list[ca.DM]:
             value[missing] = 0.0
         dense = ca.DM(expression(f"{where}, {key}", value, f.size_in(i))).full()
         rounded = np.where(missing, np.nan, dense.astype(kind))
+        _check_weights(wrapper, key, rounded, where)
         inputs.append(ca.project(ca.DM(rounded), f.sparsity_in(i)))
     return inputs
+
+
+def _check_weights(wrapper: Wrapper, key: str, values: Array, where: str) -> None:
+    """Weights that the wrapper refuses are no reference."""
+    if key not in wrapper.export.weights:
+        return
+    kind = np.float32 if wrapper.real == "float" else float
+    lower, upper = (side.astype(kind)[:, None] for side in wrapper.export.weights[key].bounds)
+    if not np.all((values >= lower) & (values <= upper)) or _angle(wrapper, key, values) > 1:
+        raise ValueError(
+            f"{where}, {key}: expected weights within the bounds and the largest element angle of "
+            f"their beam, found others"
+        )
+
+
+def _angle(wrapper: Wrapper, key: str, values: Array) -> float:
+    """Largest squared element angle over its limit, of any column; 0 where bounds keep it."""
+    angle = wrapper.angles.get(key)
+    return max(float(angle(column)) for column in values.T) if angle is not None else 0.0
 
 
 def _random_inputs(wrapper: Wrapper) -> list[list[Array]]:
@@ -182,6 +215,9 @@ def _random_inputs(wrapper: Wrapper) -> list[list[Array]]:
             if beam is not None:
                 lower, upper = beam.bounds
                 value = np.clip(value, lower[:, None], upper[:, None])
+                for _ in range(_HALVINGS):
+                    if _angle(wrapper, f.name_in(i), value) > 0.9:
+                        value = np.clip(value / 2, lower[:, None], upper[:, None])
             sample.append(value)
         samples.append(sample)
     return samples

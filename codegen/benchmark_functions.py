@@ -183,9 +183,12 @@ def shape_filter(beam: cc.Beam) -> cc.ShapeEkf:
 def filter_steps(beam: cc.Beam) -> list[cc.CFunction]:
     """Predict and update. Innovations are differences over small standard deviations."""
     ekf = shape_filter(beam)
+    predict, update = ekf.descriptions["predict"], ekf.descriptions["update"]
     return [
-        cc.CFunction(function=ekf.predict, tolerance=1e-4),
-        cc.CFunction(function=ekf.update, missing=("measured",), tolerance=1e-4),
+        cc.CFunction(function=ekf.predict, descriptions=predict, tolerance=1e-4),
+        cc.CFunction(
+            function=ekf.update, descriptions=update, missing=("measured",), tolerance=1e-4
+        ),
     ]
 
 

@@ -295,6 +295,27 @@ def test_measurements_agree_in_all_kinds(beam, evaluate):
     assert_allclose(got, values(*arguments), atol=1e-13)  # the same operations
 
 
+def test_every_field_of_the_root_may_be_a_symbol(beam, evaluate):
+    root, shapes = moving_root(), ((3, 3), (3, 1), (6, 1), (6, 1), (3, 1), (3, 1))
+
+    def values(*columns):
+        fields = [ca.reshape(column, *shape) for column, shape in zip(columns, shapes, strict=True)]
+        rotation, position, twist, twist_rate, gravity, field = fields
+        motion = cc.RootMotion(
+            pose=cc.Pose(rotation=rotation, position=position),
+            twist=twist,
+            twist_rate=twist_rate,
+            gravity=gravity,
+            magnetic_field=field,
+        )
+        return cc.measure(ALL, beam, CURLED_WEIGHTS, RATE, ACCELERATION, motion).values
+
+    C, p = POSE[:3, :3], POSE[:3, 3]
+    got = evaluate(values, C.T.ravel(), p, TWIST, TURN, GRAVITY, FIELD)
+    expected = cc.measure(ALL, beam, CURLED_WEIGHTS, RATE, ACCELERATION, root).values
+    assert_allclose(got, expected, atol=1e-12)  # the same operations, rounding of 100 m/s²
+
+
 def test_sensors_take_design_symbols(wing, symbolic):
     length, y = symbolic.sym("L"), symbolic.sym("y")
     beam = wing(3, length=length)
@@ -545,6 +566,52 @@ def test_measurements_that_cannot_be_are_refused(wing, sensors, arguments, messa
 def test_inputs_that_do_not_exist_are_refused(wing, inputs, message):
     with pytest.raises(ValueError, match=message):
         cc.measurement_function("m", [GYRO], wing(2), inputs)
+
+
+ROOT_FIELDS = {
+    "pose.rotation": lambda kind: {
+        "pose": cc.Pose(rotation=kind.sym("C", 3, 3), position=[0, 0, 0])
+    },
+    "pose.position": lambda kind: {"pose": cc.Pose(rotation=np.eye(3), position=kind.sym("p", 3))},
+    "twist": lambda kind: {"twist": kind.sym("V", 6)},
+    "twist_rate": lambda kind: {"twist_rate": kind.sym("V_t", 6)},
+    "gravity": lambda kind: {"gravity": kind.sym("g", 3)},
+    "magnetic_field": lambda kind: {"magnetic_field": kind.sym("B", 3)},
+}
+WHITE = {"process": "white_acceleration", "density": 0.1}
+#: What asks for a root in numbers; a symbol that the sensors do not read is named, too.
+ASKING = {
+    "function": lambda beam, root: cc.measurement_function("m", [ATTITUDE], beam, root=root),
+    "filter": lambda beam, root: cc.shape_ekf(beam, [ATTITUDE], root=root, **WHITE),
+    "estimator": lambda beam, root: cc.shape_mhe(
+        beam, [ATTITUDE], root=root, dt=0.1, window=1, **WHITE
+    ),
+    "fit": lambda beam, root: cc.fit_shape(beam, [ATTITUDE], np.eye(3).ravel(), root=root),
+    "information": lambda beam, root: cc.information_matrix(
+        beam, [ATTITUDE], np.zeros(12), root=root
+    ),
+}
+
+
+@pytest.mark.parametrize("asking", ASKING)
+@pytest.mark.parametrize("field", ROOT_FIELDS)
+def test_a_symbol_where_the_root_holds_numbers_is_named(wing, symbolic, field, asking):
+    root = replace(cc.RootMotion(gravity=GRAVITY), **ROOT_FIELDS[field](symbolic))
+    with pytest.raises(ValueError, match=rf"^RootMotion\.{field}: expected numbers, found the sym"):
+        ASKING[asking](wing(2), root)
+
+
+@pytest.mark.parametrize("asking", ASKING)
+@pytest.mark.parametrize("root", [0, [1.0], np.zeros(3), ca.MX.sym("root"), ca.SX.sym("root", 3)])
+def test_what_is_no_root_is_named(wing, root, asking):
+    with pytest.raises(ValueError, match=r"^root: expected a RootMotion, found "):
+        ASKING[asking](wing(2), root)
+
+
+def test_a_symbol_that_an_input_stands_for_is_none_of_the_function(wing):
+    root = replace(moving_root(), **ROOT_FIELDS["twist"](ca.SX))
+    f = cc.measurement_function("m", [GYRO], wing(2), ["q", "twist"], root)
+    assert f.name_in() == ["q", "twist", "measured"]
 
 
 def test_functions_of_design_symbols_are_refused(wing):

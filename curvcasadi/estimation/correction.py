@@ -6,12 +6,13 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.estimation import ud
-from curvcasadi.estimation.observation import SHAPES, Observation, Readings
+from curvcasadi.estimation.observation import Observation, Readings
 from curvcasadi.estimation.process import DEGREE, Process, orthonormal
 from curvcasadi.estimation.samples import attitudes_function
 from curvcasadi.expressions import AnyExpr
 from curvcasadi.lie import so3
 from curvcasadi.sensors import AttitudeSensor
+from curvcasadi.sensors.root_motion import ROOT_INPUTS
 
 
 def update_function(name: str, process: Process, observation: Observation) -> ca.Function:
@@ -20,7 +21,7 @@ def update_function(name: str, process: Process, observation: Observation) -> ca
     state = ca.MX.sym("state", layout.size)
     factor = ca.MX.sym("factor", ca.Sparsity.upper(process.error.size))
     measured = ca.MX.sym("measured", channels.layout.size)
-    known = {key: ca.MX.sym(key, *SHAPES[key]) for key in observation.inputs}
+    known = {key: ca.MX.sym(key, *ROOT_INPUTS[key]) for key in observation.inputs}
     inputs = {"state": state, "factor": factor, "measured": measured, **known}
 
     retract, difference = _retraction(process), _difference(process)
@@ -66,7 +67,7 @@ def _pass(process: Process, observation: Observation, look: bool) -> ca.Function
     factor = ca.MX.sym("factor", ca.Sparsity.upper(size))
     unknown = ca.MX.sym("unknown", first)
     measured = ca.MX.sym("measured", observation.channels.layout.size)
-    known = {key: ca.MX.sym(key, *SHAPES[key]) for key in observation.inputs}
+    known = {key: ca.MX.sym(key, *ROOT_INPUTS[key]) for key in observation.inputs}
     arguments = [start, factor, state, unknown, measured, *known.values()]
 
     readings = Readings(process, observation, state, measured, known)

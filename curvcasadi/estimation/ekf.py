@@ -12,7 +12,7 @@ import numpy as np
 from curvcasadi.beam import Beam
 from curvcasadi.estimation import ud
 from curvcasadi.estimation.correction import update_function
-from curvcasadi.estimation.observation import Observation, known_motion
+from curvcasadi.estimation.observation import Observation
 from curvcasadi.estimation.process import (
     PROCESSES,
     Process,
@@ -38,6 +38,7 @@ from curvcasadi.expressions import (
 from curvcasadi.layout import Layout
 from curvcasadi.sensors import Channels, RateGyro, RootMotion, Sensor, sensor_channels
 from curvcasadi.sensors.channels import checked_sensors
+from curvcasadi.sensors.root_motion import numeric_root, root_input_names
 
 
 class Estimate(NamedTuple):
@@ -220,7 +221,7 @@ def shape_ekf(
     order = max(sensor.order for sensor in checked)
     choice("process", process, PROCESSES)
     gyros = sum(isinstance(sensor, RateGyro) for sensor in checked)
-    known = known_motion(root_inputs)
+    known = root_input_names(root_inputs)
     if attitude and "attitude" in known:
         raise ValueError("root_inputs: expected no attitude where it is estimated, found one")
     check_numeric(beam, checked)
@@ -252,7 +253,7 @@ def shape_ekf(
         beam=beam,
         sensors=checked,
         channels=sensor_channels(checked),
-        root=instance("root", root or RootMotion(), RootMotion),
+        root=numeric_root(root, known),
         unknown=unknown,
         inputs=known,
         gate=np.inf if gate == np.inf else float(positive("gate", gate)),

@@ -13,7 +13,6 @@ import numpy as np
 from curvcasadi.beam import Beam
 from curvcasadi.estimation import ud
 from curvcasadi.estimation.process import PROCESSES, Process, ProcessName
-from curvcasadi.estimation.sample_residual import KNOWN_SHAPES
 from curvcasadi.estimation.samples import sample_values
 from curvcasadi.estimation.sensor_model import check_numeric, covariance_matrix
 from curvcasadi.estimation.window_problem import WindowProblem
@@ -34,6 +33,7 @@ from curvcasadi.layout import Layout, Part
 from curvcasadi.ocp.targets import numeric
 from curvcasadi.sensors import Channels, RootMotion, Sensor
 from curvcasadi.sensors.channels import checked_sensors
+from curvcasadi.sensors.root_motion import root_input_names
 
 #: Units of what a sample depends on and the state does not hold, by name.
 _UNITS = {"q_dot": "rad/(m s)", "q_ddot": "rad/(m s²)"}
@@ -207,7 +207,7 @@ def shape_mhe(
     nodes = count("window", window) + 1
     choice("process", process, PROCESSES)
     check_numeric(beam, checked)
-    known = _known(root_inputs)
+    known = root_input_names(root_inputs)
     order = max(sensor.order for sensor in checked)
     unknown = {}
     if order >= 1 and process == "random_walk":
@@ -351,13 +351,3 @@ def _per_weight(name: str, value: Number, n: int, *, infinite: bool = False) -> 
         why = f" ({_WHY[name]})" if value is None and name in _WHY else ""
         raise ValueError(f"{name}: expected one or {n} numbers above zero{why}, found {value!r}")
     return found
-
-
-def _known(names: Sequence[str]) -> tuple[str, ...]:
-    """`names`, each an input of the step."""
-    if isinstance(names, str) or set(names) - set(KNOWN_SHAPES) or len(set(names)) < len(names):
-        raise ValueError(
-            f"root_inputs: expected names among {', '.join(KNOWN_SHAPES)}, each once; "
-            f"found {names!r}"
-        )
-    return tuple(names)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -10,12 +10,8 @@ import casadi as ca
 from curvcasadi.beam import Beam
 from curvcasadi.estimation.process import Process, offsets
 from curvcasadi.expressions import AnyExpr, Array
-from curvcasadi.pose import Pose
 from curvcasadi.sensors import AttitudeSensor, Channels, RateGyro, RootMotion, Sensor
 from curvcasadi.sensors.readout import Readout
-
-#: What may be known of the root's motion, an input of the update.
-SHAPES = {"attitude": (3, 3), "position": (3, 1), "twist": (6, 1), "twist_rate": (6, 1)}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -79,22 +75,13 @@ class Readings:
         return ca.vertcat(ca.MX(0, 1), *at)
 
     def _readout(self, parts: Mapping[str, ca.MX], q_dot: AnyExpr) -> Readout:
-        root, known = self.observation.root, dict(self.known)
+        known = dict(self.known)
         if "attitude" in parts:
             known["attitude"] = ca.reshape(parts["attitude"], 3, 3)
         if "root_gyro_bias" in parts and "twist" in known:
             bias = ca.vertcat(parts["root_gyro_bias"], ca.DM.zeros(3))
             known["twist"] = known["twist"] - bias
-        root = RootMotion(
-            pose=Pose(
-                rotation=known.get("attitude", root.pose.rotation),
-                position=known.get("position", root.pose.position),
-            ),
-            twist=known.get("twist", root.twist),
-            twist_rate=known.get("twist_rate", root.twist_rate),
-            gravity=root.gravity,
-            magnetic_field=root.magnetic_field,
-        )
+        root = self.observation.root.with_inputs(known)
         q_dot = None if q_dot is None else ca.MX(q_dot)
         sensors, beam = self.observation.sensors, self.observation.beam
         return Readout.of(sensors, beam, parts["q"], q_dot, None, root)
@@ -135,12 +122,3 @@ class Readings:
         gyros = [part.name for part, sensor in pairs if isinstance(sensor, RateGyro)]
         known = gyros[: self.process.biases]
         return {name: slice(3 * i, 3 * i + 3) for i, name in enumerate(known)}
-
-
-def known_motion(names: Sequence[str]) -> tuple[str, ...]:
-    """`names`, each an input of the update."""
-    if isinstance(names, str) or set(names) - set(SHAPES) or len(set(names)) < len(names):
-        raise ValueError(
-            f"root_inputs: expected names among {', '.join(SHAPES)}, each once; found {names!r}"
-        )
-    return tuple(names)

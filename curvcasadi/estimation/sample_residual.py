@@ -10,9 +10,7 @@ import casadi as ca
 from curvcasadi.beam import Beam
 from curvcasadi.layout import Layout
 from curvcasadi.sensors import RootMotion, Sensor, measurement_function, sensor_channels
-
-#: What may be known of the root's motion at every sample, with the shapes of it.
-KNOWN_SHAPES = {"attitude": (3, 3), "position": (3, 1), "twist": (6, 1), "twist_rate": (6, 1)}
+from curvcasadi.sensors.root_motion import ROOT_INPUTS
 
 
 def sample_residual(
@@ -28,7 +26,7 @@ def sample_residual(
     Parameters
     ----------
     node : parts "q" and others of `measurement_function`'s inputs
-    known : inputs among `KNOWN_SHAPES`, numbers that no derivative is taken by
+    known : inputs among `ROOT_INPUTS`, numbers that no derivative is taken by
     root : numbers for what is no input; gravity and magnetic field
 
     Returns
@@ -42,7 +40,7 @@ def sample_residual(
         "node": ca.MX.sym("node", node.size),
         "samples": ca.MX.sym("samples", channels.layout.size),
         "seen": ca.MX.sym("seen", channels.residual_layout.size),
-        **{key: ca.MX.sym(key, *KNOWN_SHAPES[key]) for key in known},
+        **{key: ca.MX.sym(key, *ROOT_INPUTS[key]) for key in known},
     }
     parts = node.split(inputs["node"])
     read = measurement_function(f"{name}_readings", sensors, beam, [*parts, *known], root)

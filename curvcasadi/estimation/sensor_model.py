@@ -98,6 +98,8 @@ def sensor_model(
     instance("beam", beam, Beam)
     for name, symbol in beam.design_symbols.items():
         raise ValueError(f"{name}: sensors of a numeric beam expected, found the symbol {symbol}")
+    if root is not None:
+        instance("root", root, RootMotion)
     return _model(beam, checked_sensors(sensors), tuple(inputs), tuple(unknowns), root)
 
 

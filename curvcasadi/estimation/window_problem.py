@@ -11,11 +11,12 @@ import numpy as np
 
 from curvcasadi.beam import Beam
 from curvcasadi.estimation.process import Process
-from curvcasadi.estimation.sample_residual import KNOWN_SHAPES, sample_residual
+from curvcasadi.estimation.sample_residual import sample_residual
 from curvcasadi.estimation.samples import samples_function
 from curvcasadi.expressions import Array
 from curvcasadi.layout import Layout
 from curvcasadi.sensors import Channels, RootMotion, Sensor, sensor_channels
+from curvcasadi.sensors.root_motion import ROOT_INPUTS
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,7 +31,7 @@ class WindowProblem:
     beam: Beam
     sensors: tuple[Sensor, ...]
     root: RootMotion | None
-    known: tuple[str, ...]  #: inputs of `KNOWN_SHAPES` that come with a sample
+    known: tuple[str, ...]  #: inputs of `ROOT_INPUTS` that come with a sample
     process: Process
     node: Layout
     unknown: Mapping[str, Array]  #: standard deviations (n,)
@@ -98,7 +99,7 @@ class WindowProblem:
 
     @property
     def known_shapes(self) -> dict[str, tuple[int, int]]:
-        return {key: KNOWN_SHAPES[key] for key in self.known}
+        return {key: ROOT_INPUTS[key] for key in self.known}
 
     def by_node(self, data: Mapping[str, ca.MX]) -> list[tuple[ca.MX, ...]]:
         """Arguments of `residual` after the node, for every node."""

@@ -19,15 +19,15 @@ from curvcasadi.expressions import (
     same_kind,
 )
 from curvcasadi.functions import function
-from curvcasadi.pose import Pose
 from curvcasadi.sensors import station_functions
 from curvcasadi.sensors.channels import Channels, checked_sensors
 from curvcasadi.sensors.descriptions import Sensor
 from curvcasadi.sensors.readout import Readout
-from curvcasadi.sensors.root_motion import RootMotion
+from curvcasadi.sensors.root_motion import ROOT_INPUTS, RootMotion, numeric_root
 
+RATES = ("q", "q_dot", "q_ddot")
 #: What a measurement varies with: columns of the derivatives. That of an attitude is on the right.
-VARIABLES = ("q", "q_dot", "q_ddot", "attitude", "position", "twist", "twist_rate")
+VARIABLES = (*RATES, *ROOT_INPUTS)
 KINDS: dict[str, Any] = {"compact": ca.MX, "unrolled": ca.SX}
 
 
@@ -148,10 +148,10 @@ def measurement_function(
     instance("beam", beam, Beam)
     n = beam.basis.n
     kind = KINDS[choice("form", form, KINDS)]
-    shapes = dict(zip(VARIABLES, ((n, 1),) * 3 + ((3, 3), (3, 1), (6, 1), (6, 1)), strict=True))
+    shapes = dict.fromkeys(RATES, (n, 1)) | ROOT_INPUTS
     names = _inputs(inputs, max(sensor.order for sensor in checked))
     symbols = {key: kind.sym(key, *shapes[key]) for key in names}
-    root = _with_symbols(instance("root", root or RootMotion(), RootMotion), symbols)
+    root = numeric_root(root, names).with_inputs(symbols)
     readout = Readout.of(
         checked, beam, symbols["q"], symbols.get("q_dot"), symbols.get("q_ddot"), root
     )
@@ -170,16 +170,3 @@ def _inputs(inputs: Sequence[str] | None, order: int) -> list[str]:
     if len(set(names)) < len(names) or "q" not in names:
         raise ValueError(f"inputs: expected 'q' and others, each once, found {names}")
     return names
-
-
-def _with_symbols(root: RootMotion, symbols: dict[str, AnyExpr]) -> RootMotion:
-    return RootMotion(
-        pose=Pose(
-            rotation=symbols.get("attitude", root.pose.rotation),
-            position=symbols.get("position", root.pose.position),
-        ),
-        twist=symbols.get("twist", root.twist),
-        twist_rate=symbols.get("twist_rate", root.twist_rate),
-        gravity=root.gravity,
-        magnetic_field=root.magnetic_field,
-    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 
 import casadi as ca
@@ -15,6 +16,16 @@ from curvcasadi.expressions import (
     rotation_matrix,
 )
 from curvcasadi.pose import Pose
+
+#: What a Function may take of the root's motion, by name of the input: its shape.
+ROOT_INPUTS = {"attitude": (3, 3), "position": (3, 1), "twist": (6, 1), "twist_rate": (6, 1)}
+#: The fields of `RootMotion` that such an input stands for.
+_FIELDS = {
+    "attitude": "RootMotion.pose.rotation",
+    "position": "RootMotion.pose.position",
+    "twist": "RootMotion.twist",
+    "twist_rate": "RootMotion.twist_rate",
+}
 
 
 def _rest() -> AnyExpr:
@@ -52,3 +63,42 @@ class RootMotion:
         values["RootMotion.pose.rotation"] = self.pose.rotation
         values["RootMotion.pose.position"] = self.pose.position
         return {name: v for name, v in values.items() if v is not None and not is_numeric(v)}
+
+    def with_inputs(self, values: Mapping[str, AnyExpr]) -> RootMotion:
+        """The same with `values` of some of `ROOT_INPUTS`."""
+        return RootMotion(
+            pose=Pose(
+                rotation=values.get("attitude", self.pose.rotation),
+                position=values.get("position", self.pose.position),
+            ),
+            twist=values.get("twist", self.twist),
+            twist_rate=values.get("twist_rate", self.twist_rate),
+            gravity=self.gravity,
+            magnetic_field=self.magnetic_field,
+        )
+
+
+def numeric_root(root: RootMotion | None, inputs: Collection[str]) -> RootMotion:
+    """`root`, at rest where None, with numbers in every field that is not among `inputs`.
+
+    Raises
+    ------
+    ValueError
+        If another field holds a symbol.
+    """
+    checked: RootMotion = instance("root", RootMotion() if root is None else root, RootMotion)
+    replaced = [_FIELDS[key] for key in inputs if key in _FIELDS]
+    for name, symbol in checked.symbols.items():
+        if name not in replaced:
+            raise ValueError(f"{name}: expected numbers, found the symbol {symbol}")
+    return checked
+
+
+def root_input_names(names: Sequence[str]) -> tuple[str, ...]:
+    """`names`, each one of `ROOT_INPUTS`, none twice."""
+    if isinstance(names, str) or set(names) - set(ROOT_INPUTS) or len(set(names)) < len(names):
+        raise ValueError(
+            f"root_inputs: expected names among {', '.join(ROOT_INPUTS)}, each once; "
+            f"found {names!r}"
+        )
+    return tuple(names)

@@ -326,15 +326,65 @@ def test_wrong_samples_and_starts_are_named(beam):
         (3.0, r"samples\[0\]: expected \(time, measured\)"),
         ((0.0, {"a": 1}, known), r"samples\[0\].measured: expected numbers"),
         ((0.0, "text", known), r"samples\[0\].measured: expected numbers"),
-        ((0.0, [*good[:8], np.inf], known), r"samples\[0\].measured\[8\]: expected a finite"),
+        ((0.0, [*good[:8], np.inf], known), r"samples\[0\].measured\[8\]: expected finite numbers"),
         ((0.0, good, [1]), r"samples\[0\].inputs: expected values by name"),
         ((0.0, good, {"attitude": np.ones((3, 3))}), r"attitude'\]: expected orthonormal"),
     ):
         with pytest.raises(ValueError, match=message):
             next(cc.run_ekf(ekf, start, [sample]))
-    with pytest.raises(ValueError, match=r"start: expected an estimate of this filter"):
-        other = start._replace(state=np.zeros(2))
-        next(cc.run_ekf(ekf, other, [(0.0, good, known)]))
+    for other, message in (
+        (start._replace(state=np.zeros(2)), r"start: expected an estimate of this filter, state"),
+        (start._replace(factor=np.eye(2)), r"start: expected an estimate of this filter, factor"),
+        (start._replace(state=np.full(3, np.nan)), r"start\.state: expected finite numbers"),
+        (start._replace(factor=np.full((3, 3), np.inf)), r"start\.factor: expected finite numbers"),
+        (start._replace(time=np.nan), r"start\.time: expected finite numbers, found nan"),
+        ((0.0, np.zeros(3), np.eye(3)), r"start: expected an Estimate, found \(0\.0"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            next(cc.run_ekf(ekf, other, [(0.0, good, known)]))
+
+
+def test_symbols_where_a_run_needs_numbers_are_named(beam, symbolic):
+    options = {"process": "random_walk", "density": 0.1}
+    ekf = cc.shape_ekf(beam, [ATTITUDE], root_inputs=["attitude"], **options)
+    start, good = ekf.initial({"q": 0.1}), np.eye(3).ravel()
+    x = symbolic.sym("x")
+    for sample, message in (
+        ((x, good, {"attitude": np.eye(3)}), r"samples\[0\].time: expected numbers"),
+        ((0.0, x, {"attitude": np.eye(3)}), r"samples\[0\].measured: expected numbers"),
+        ((0.0, [x, *good[1:]], {"attitude": np.eye(3)}), r"samples\[0\].measured: expected num"),
+        ((0.0, good, {"attitude": symbolic.sym("C", 3, 3)}), r"inputs\['attitude'\]: expected num"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            next(cc.run_ekf(ekf, start, [sample]))
+    for arguments, message in (
+        (({"q": x},), r"deviation\['q'\]: expected numbers, found the symbol x"),
+        (
+            ({"q": 0.1}, {"q": symbolic.sym("q", 3)}),
+            r"mean\['q'\]: expected numbers, found the sym",
+        ),
+    ):
+        with pytest.raises(ValueError, match=message):
+            ekf.initial(*arguments)
+    with pytest.raises(ValueError, match="time: expected numbers, found the symbol x"):
+        ekf.initial({"q": 0.1}, time=x)
+
+
+def test_a_covariance_that_is_not_symmetric_is_refused_however_small(beam):
+    ekf = cc.shape_ekf(beam, [GYRO], process="white_acceleration", density=0.1)
+    covariance = 1e-10 * np.array([[1.0, 0.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    with pytest.raises(ValueError, match=r"deviation\['q'\]: expected a symmetric, positive"):
+        ekf.initial({"q": covariance, "q_dot": 0.1})
+
+
+def test_an_attitude_sample_may_be_a_matrix(beam):
+    ekf = cc.shape_ekf(beam, [ATTITUDE], process="random_walk", density=0.1)
+    start, R = ekf.initial({"q": 0.1}), oracle.rotation([0.01, 0.02, -0.01])
+    (by_columns,), (matrix,) = (
+        cc.run_ekf(ekf, start, [(0.0, values)]) for values in (R.T.ravel(), R)
+    )
+    assert matrix.dof == 3
+    assert_allclose(matrix.state, by_columns.state, rtol=0)
 
 
 def test_samples_of_different_rates_are_taken_as_they_come(beam):
@@ -477,7 +527,7 @@ def test_a_start_names_what_is_missing(beam):
         ekf.part(ekf.initial({"q": 0.1, "q_dot": 0.1}), "x")
     with pytest.raises(ValueError, match="deviation: expected 'q_dot'"):
         ekf.initial({"q": 0.1})
-    with pytest.raises(ValueError, match=r"deviation\['q'\]: expected a positive definite"):
+    with pytest.raises(ValueError, match=r"deviation\['q'\]: expected a symmetric, positive"):
         ekf.initial({"q": np.zeros((3, 3)), "q_dot": 1.0})
 
 

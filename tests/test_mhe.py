@@ -440,6 +440,22 @@ def test_an_attitude_that_is_no_rotation_is_missing(dead):
     assert_allclose(seen.full(), np.zeros((3, 1)), rtol=0)
 
 
+@pytest.mark.parametrize("dead", [np.zeros(9), -np.eye(3).ravel(), [np.nan] + [1.0] * 8])
+def test_a_run_reports_an_attitude_that_is_no_rotation_as_missing(dead):
+    sensors = [*ATTITUDES, MARKER]
+    samples, lost = noisy(sensors, 2), noisy(sensors, 2)
+    samples[9:18, 1], samples[-1, 1] = dead, np.nan
+    lost[9:18, 1] = lost[-1, 1] = np.nan
+    mhe = make(sensors)
+    start = mhe.initial({"q": 0.02})
+    assert start.used.size == 0
+    whole, found = cc.run_mhe(mhe, start, samples.T)
+    assert_allclose(whole.used, np.ones(12), rtol=0)
+    assert_allclose(found.used, [1, 1, 1, 0, 0, 0, 1, 1, 1, 1, 1, 0], rtol=0)
+    *_, expected = cc.run_mhe(mhe, start, lost.T)
+    assert_allclose(found.state, expected.state, rtol=0)  # the same arithmetic
+
+
 # Structure -------------------------------------------------------------------------------------
 
 
@@ -691,10 +707,23 @@ def test_wrong_samples_and_starts_are_refused():
     start = mhe.initial({"q": 0.02})
     good = np.zeros(7)
     for sample, message in (
-        (np.zeros(6), r"samples\[0\]: expected 7 values, found 6"),
-        (np.full(7, np.inf), r"samples\[0\]\[0\]: expected a finite number or NaN, found inf"),
-        (good, r"samples\[0\]: expected root inputs \['twist'\], found \[\]"),
-        ((good, {"twist": [1, 2]}), r"samples\[0\]: twist: expected shape \(6, 1\)"),
+        (np.zeros(6), r"samples\[0\].measured: expected 7 values, found 6"),
+        (
+            np.full(7, np.inf),
+            r"samples\[0\].measured\[0\]: expected finite numbers or NaN, found inf",
+        ),
+        (good, r"samples\[0\].inputs: expected \['twist'\], found \[\]"),
+        ((good, 3), r"samples\[0\].inputs: expected values by name, found 3"),
+        ((*good,), r"samples\[0\]: expected measured or \(measured, inputs\), found \("),
+        ((good, {"twist": [1, 2]}), r"samples\[0\].inputs\['twist'\]: expected shape \(6, 1\)"),
+        (
+            (good, {"twist": ca.MX.sym("t", 6)}),
+            r"inputs\['twist'\]: expected numbers, found the sym",
+        ),
+        (
+            [ca.SX.sym("y"), *good[1:]],
+            r"samples\[0\].measured: expected numbers, found the symbol y",
+        ),
     ):
         with pytest.raises(ValueError, match=message):
             next(cc.run_mhe(mhe, start, [sample]))
@@ -704,6 +733,29 @@ def test_wrong_samples_and_starts_are_refused():
         ({"q": 1, "p": 1}, None, r"deviation: expected one of 'q'; found 'p'"),
         ({"q": 1}, {"q": [1]}, r"mean\['q'\]: expected shape \(5, 1\)"),
         ({"q": 1}, {"p": 1}, r"mean: expected one of 'q'; found 'p'"),
+        ({"q": ca.SX.sym("s")}, None, r"deviation\['q'\]: expected numbers, found the symbol s"),
+        ({"q": 1}, {"q": ca.MX.sym("m", N)}, r"mean\['q'\]: expected numbers, found the symbol m"),
     ):
         with pytest.raises(ValueError, match=message):
             mhe.initial(deviation, mean)
+
+
+@pytest.mark.parametrize("process", PROCESSES)
+def test_starts_of_another_estimator_are_refused(process):
+    mhe = make(GAUGES, process)
+    start = mhe.initial(DEVIATION[process])
+    size = start.state.size
+    for other, message in (
+        ({"arrival_mean": np.zeros(2)}, rf"arrival_mean of shape \({size},\); found \(2,\)"),
+        ({"arrival_factor": np.eye(2)}, rf"arrival_factor of shape \({size}, {size}\); found"),
+        ({"guess": start.guess[:, 1:]}, rf"guess of shape \({size}, 5\); found \({size}, 4\)"),
+        ({"time": np.zeros(2)}, r"time of shape \(\); found \(2,\)"),
+        ({"arrival_mean": np.full(size, np.nan)}, r"start\.arrival_mean: expected finite numbers"),
+        ({"arrival_factor": np.full((size, size), np.inf)}, r"start\.arrival_factor: expected fin"),
+        ({"guess": np.full_like(start.guess, np.nan)}, r"start\.guess: expected finite numbers"),
+        ({"time": np.nan}, r"start\.time: expected finite numbers, found nan"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            next(cc.run_mhe(mhe, start._replace(**other), [np.zeros(7)]))
+    with pytest.raises(ValueError, match="start: expected a WindowEstimate, found None"):
+        next(cc.run_mhe(mhe, None, [np.zeros(7)]))

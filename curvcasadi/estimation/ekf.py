@@ -20,20 +20,20 @@ from curvcasadi.estimation.process import (
     offsets,
     predict_function,
 )
+from curvcasadi.estimation.samples import numeric_array
 from curvcasadi.estimation.sensor_model import check_numeric
+from curvcasadi.estimation.start import initial_belief
 from curvcasadi.estimation.words import ekf_words
 from curvcasadi.expressions import (
     Array,
     Number,
     choice,
     count,
-    expression,
     function_name,
     instance,
     is_numeric,
     numbers,
     positive,
-    rotation_matrix,
 )
 from curvcasadi.layout import Layout
 from curvcasadi.sensors import Channels, RateGyro, RootMotion, Sensor, sensor_channels
@@ -90,29 +90,13 @@ class ShapeEkf:
         Parameters
         ----------
         deviation : for every part of the error state its standard deviation, one number or one per
-            entry; or a positive definite covariance matrix of the part
+            entry; or a symmetric, positive definite covariance matrix of the part
         mean : of parts of the state; zero, and the identity attitude, where not given; the attitude
             is a rotation matrix (3, 3)
         time : s
         """
-        parts: dict[str, Any] = {part.name: ca.DM.zeros(part.size) for part in self.layout.parts}
-        _known_parts("mean", {} if mean is None else mean, self.layout)
-        means = dict(mean or {})
-        _known_parts("deviation", deviation, self.error_layout)
-        if "attitude" in parts:
-            attitude = rotation_matrix("mean['attitude']", means.pop("attitude", np.eye(3)))
-            parts["attitude"] = ca.vec(attitude)
-        for key, value in means.items():
-            parts[key] = expression(f"mean[{key!r}]", value, (self.layout_size(key), 1))
-        covariance = np.zeros((self.error_layout.size, self.error_layout.size))
-        for part in self.error_layout.parts:
-            if part.name not in deviation:
-                raise ValueError(f"deviation: expected {part.name!r}, {part.unit}; not found")
-            where = offsets(self.error_layout)[part.name]
-            covariance[where, where] = _covariance(part.name, deviation[part.name], part.size)
-        state = self.layout.join(parts).full()[:, 0]
-        at = float(expression("time", time, (1, 1)))
-        return Estimate(at, state, ud.factor_of(covariance))
+        state, factor = initial_belief(self.layout, self.error_layout, deviation, mean)
+        return Estimate(numeric_array("time", time, (1, 1)).item(), state, factor)
 
     @property
     def descriptions(self) -> Mapping[str, Mapping[str, str]]:
@@ -301,21 +285,3 @@ def _deviations(name: str, value: Number, size: int) -> Array:
     for entry in array:
         positive(name, entry)
     return np.array(np.broadcast_to(array, (size,)))
-
-
-def _covariance(name: str, value: Number, size: int) -> Array:
-    where = f"deviation[{name!r}]"
-    array = numbers(where, value)
-    if array.shape == (size, size) and (size > 1 or not isinstance(value, ca.DM)):
-        if not np.allclose(array, array.T) or np.linalg.eigvalsh(array)[0] <= 0:
-            raise ValueError(f"{where}: expected a positive definite covariance, found {array}")
-        return array
-    return np.diag(_deviations(where, value, size) ** 2)
-
-
-def _known_parts(name: str, given: Mapping[str, Any], layout: Layout) -> None:
-    if not isinstance(given, Mapping):
-        raise ValueError(f"{name}: expected values by name of a part, found {given!r}")
-    names = [part.name for part in layout.parts]
-    for key in given:
-        choice(name, key, names)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from curvcasadi.estimation.ekf import Estimate, ShapeEkf
-from curvcasadi.estimation.process import offsets
-from curvcasadi.estimation.samples import is_rotation, sample_values
-from curvcasadi.expressions import Array, expression, rotation_matrix
-from curvcasadi.sensors import Channels
+from curvcasadi.estimation.samples import (
+    input_values,
+    missing_residuals,
+    numeric_array,
+    sample_values,
+)
+from curvcasadi.estimation.start import check_start
 
 
 def run_ekf(
@@ -22,6 +24,7 @@ def run_ekf(
 
     Parameters
     ----------
+    start : `ShapeEkf.initial`, or an estimate to go on from
     samples : (time, measured) or (time, measured, inputs): s; (m,) as in `ekf.channels`, NaN for
         what there is no sample of, and an attitude that is no rotation to 1e-2 is none either;
         and "rate" and the `root_inputs` by name. Times may repeat.
@@ -29,10 +32,20 @@ def run_ekf(
     Raises
     ------
     ValueError
-        If a time is before the one that precedes it, or inputs or sizes are wrong.
+        If a time is before the one that precedes it, or if the start, samples or inputs are not
+        finite numbers of the sizes that the filter has.
     """
+    check_start(
+        start,
+        Estimate,
+        "filter",
+        {
+            "time": (),
+            "state": (ekf.layout.size,),
+            "factor": (ekf.error_layout.size, ekf.error_layout.size),
+        },
+    )
     at = start
-    _check_start(ekf, start)
     for k, sample in enumerate(samples):
         where = f"samples[{k}]"
         if not isinstance(sample, (tuple, list)) or len(sample) not in (2, 3):
@@ -40,48 +53,23 @@ def run_ekf(
                 f"{where}: expected (time, measured) or (time, measured, inputs), found {sample!r}"
             )
         time, measured, *rest = sample
-        if rest and not isinstance(rest[0], Mapping):
-            raise ValueError(f"{where}.inputs: expected values by name, found {rest[0]!r}")
-        inputs: dict[str, Any] = {**rest[0]} if rest else {}
-        yield (at := _step(ekf, at, where, _time(where, time), measured, inputs))
-
-
-def _time(where: str, value: Any) -> float:
-    return float(expression(f"{where}.time", value, (1, 1)))
-
-
-def _check_start(ekf: ShapeEkf, start: Estimate) -> None:
-    sizes = (ekf.layout.size,), (ekf.error_layout.size,) * 2
-    found = np.shape(start.state), np.shape(start.factor)
-    if found != sizes:
-        raise ValueError(
-            f"start: expected an estimate of this filter, state {sizes[0]} and factor {sizes[1]}; "
-            f"found {found[0]} and {found[1]}"
-        )
+        inputs = rest[0] if rest else {}
+        yield (at := _step(ekf, at, where, time, measured, inputs))
 
 
 def _step(
-    ekf: ShapeEkf, at: Estimate, where: str, time: float, measured: Any, inputs: dict[str, Any]
+    ekf: ShapeEkf, at: Estimate, where: str, stamp: Any, measured: Any, given: Any
 ) -> Estimate:
+    time = float(numeric_array(f"{where}.time", stamp, (1, 1)).item())
     if not time >= at.time:
         raise ValueError(
             f"{where}.time: expected at least {at.time:g} s, the time before; found {time:g} s"
         )
-    values = sample_values(f"{where}.measured", measured)
-    size = ekf.channels.layout.size
-    if values.size != size:
-        raise ValueError(f"{where}.measured: expected {size} values, found {values.size}")
-    needed = {*ekf.predict.name_in()[3:], *ekf.update.name_in()[3:]}
-    if set(inputs) != needed:
-        raise ValueError(f"{where}.inputs: expected {sorted(needed)}, found {sorted(inputs)}")
-    if "attitude" in inputs:
-        rotation_matrix(f"{where}.inputs['attitude']", inputs["attitude"])
+    values = sample_values(f"{where}.measured", measured, ekf.channels.layout.size)
+    shapes = {key: f.size_in(key) for f in (ekf.predict, ekf.update) for key in f.name_in()[3:]}
+    inputs = input_values(f"{where}.inputs", given, shapes)
     rates, motion = (
-        {
-            key: expression(f"{where}.inputs[{key!r}]", inputs[key], f.size_in(key))
-            for key in f.name_in()[3:]
-        }
-        for f in (ekf.predict, ekf.update)
+        {key: inputs[key] for key in f.name_in()[3:]} for f in (ekf.predict, ekf.update)
     )
     ahead = ekf.predict(state=at.state, factor=at.factor, dt=time - at.time, **rates)
     found = ekf.update(
@@ -91,7 +79,7 @@ def _step(
         **motion,
     )
     innovation = found["innovation"].full()[:, 0]
-    innovation[_missing(ekf.channels, values)] = np.nan
+    innovation[missing_residuals(ekf.channels, values)] = np.nan
     return Estimate(
         time,
         found["state_after"].full()[:, 0],
@@ -101,16 +89,3 @@ def _step(
         float(found["nis"]),
         int(found["dof"]),
     )
-
-
-def _missing(channels: Channels, values: Array) -> Array:
-    """Which residuals (r,) there is no sample of: of an attitude all three or none."""
-    parts = zip(channels.layout.parts, channels.residual_layout.parts, strict=True)
-    where, found = offsets(channels.layout), []
-    for part, residual in parts:
-        given = values[where[part.name]]
-        if part.size == residual.size:
-            found.append(np.isnan(given))
-        else:
-            found.append(np.full(residual.size, not float(is_rotation(ca.DM(given)))))
-    return np.concatenate(found)

@@ -13,8 +13,14 @@ import numpy as np
 from curvcasadi.beam import Beam
 from curvcasadi.estimation import ud
 from curvcasadi.estimation.process import PROCESSES, Process, ProcessName
-from curvcasadi.estimation.samples import sample_values
-from curvcasadi.estimation.sensor_model import check_numeric, covariance_matrix
+from curvcasadi.estimation.samples import (
+    input_values,
+    missing_residuals,
+    numeric_array,
+    sample_values,
+)
+from curvcasadi.estimation.sensor_model import check_numeric
+from curvcasadi.estimation.start import check_start, initial_belief
 from curvcasadi.estimation.window_problem import WindowProblem
 from curvcasadi.estimation.window_step import step_function
 from curvcasadi.estimation.words import mhe_words
@@ -23,17 +29,15 @@ from curvcasadi.expressions import (
     Number,
     choice,
     count,
-    expression,
     function_name,
     instance,
     positive,
-    rotation_matrix,
 )
 from curvcasadi.layout import Layout, Part
 from curvcasadi.ocp.targets import numeric
 from curvcasadi.sensors import Channels, RootMotion, Sensor
 from curvcasadi.sensors.channels import checked_sensors
-from curvcasadi.sensors.root_motion import root_input_names
+from curvcasadi.sensors.root_motion import ROOT_INPUTS, root_input_names
 
 #: Units of what a sample depends on and the state does not hold, by name.
 _UNITS = {"q_dot": "rad/(m s)", "q_ddot": "rad/(m s²)"}
@@ -57,6 +61,8 @@ class WindowEstimate(NamedTuple):
     guess: Array  #: (v, N + 1), of the next window
     violation: float = 0.0  #: of the bounds, over its tolerance
     stationarity: float = 0.0  #: bound of the distance to the optimum, over its tolerance
+    #: (r,), of the newest sample: 1 for residuals that were used, 0 for those that are missing
+    used: Array = np.zeros(0)
 
     @property
     def solved(self) -> bool:
@@ -99,34 +105,18 @@ class ShapeMhe:
         Parameters
         ----------
         deviation : for every part of the state its standard deviation, one number or one per entry;
-            or a positive definite covariance matrix of the part
+            or a symmetric, positive definite covariance matrix of the part
         mean : of parts of the state; zero where not given
         time : of the first sample, s
         """
-        for where, given in (("deviation", deviation), ("mean", {} if mean is None else mean)):
-            if not isinstance(given, Mapping):
-                raise ValueError(f"{where}: expected values by name of a part, found {given!r}")
-        means, blocks = [], []
-        for part in self.layout.parts:
-            if part.name not in deviation:
-                raise ValueError(f"deviation: expected {part.name!r}, {part.unit}; not found")
-            where = f"deviation[{part.name!r}]"
-            blocks.append(covariance_matrix(where, deviation[part.name], part.size))
-            value = (mean or {}).get(part.name, np.zeros(part.size))
-            means.append(expression(f"mean[{part.name!r}]", value, (part.size, 1)).full().ravel())
-        names = [part.name for part in self.layout.parts]
-        for where, given in (("deviation", deviation), ("mean", mean or {})):
-            for key in given:
-                choice(where, key, names)
-        state = np.concatenate(means)
+        state, factor = initial_belief(self.layout, self.layout, deviation, mean)
         column = np.concatenate([state, np.zeros(self.node.size - state.size)])
-        covariance = ca.diagcat(*map(ca.DM, blocks)).full()
         return WindowEstimate(
-            time=float(expression("time", time, (1, 1))),
+            time=numeric_array("time", time, (1, 1)).item(),
             state=state,
             states=state[:, None],
             arrival_mean=state,
-            arrival_factor=ud.factor_of(covariance),
+            arrival_factor=factor,
             guess=np.tile(column[:, None], self.window + 1),
         )
 
@@ -267,21 +257,40 @@ def run_mhe(
 
     Parameters
     ----------
-    start : `ShapeMhe.initial`
+    start : `ShapeMhe.initial`, or an estimate to go on from
     samples : measured (m,), NaN where missing, or (measured, root inputs by name); one every `dt`.
         An attitude that is no rotation to 1e-2 is missing
+
+    Raises
+    ------
+    ValueError
+        If the start, samples or root inputs are not finite numbers of the sizes that the estimator
+        has.
     """
+    size = mhe.layout.size
+    check_start(
+        start,
+        WindowEstimate,
+        "estimator",
+        {
+            "time": (),
+            "arrival_mean": (size,),
+            "arrival_factor": (size, size),
+            "guess": (mhe.node.size, mhe.window + 1),
+        },
+    )
     at = start
     nodes = mhe.window + 1
     columns: deque[Array] = deque(maxlen=nodes)
     motions: deque[dict[str, Array]] = deque(maxlen=nodes)
-    known = mhe.step.name_in()[4:]
+    shapes = {key: ROOT_INPUTS[key] for key in mhe.step.name_in()[4:]}
     for k, sample in enumerate(samples):
+        where = f"samples[{k}]"
+        if isinstance(sample, tuple) and len(sample) != 2:
+            raise ValueError(f"{where}: expected measured or (measured, inputs), found {sample!r}")
         measured, inputs = sample if isinstance(sample, tuple) else (sample, {})
-        columns.append(_column(k, measured, mhe.channels.layout.size))
-        if set(inputs) != set(known):
-            raise ValueError(f"samples[{k}]: expected root inputs {known}, found {sorted(inputs)}")
-        motions.append({key: _motion(mhe, k, key, inputs[key]) for key in known})
+        columns.append(sample_values(f"{where}.measured", measured, mhe.channels.layout.size))
+        motions.append(input_values(f"{where}.inputs", inputs, shapes))
         at = _estimate(mhe, at, start.time + k * mhe.dt, columns, motions)
         yield at
 
@@ -315,6 +324,7 @@ def _estimate(
         guess=found["guess_after"].full(),
         violation=float(found["violation"]),
         stationarity=float(found["stationarity"]),
+        used=(~missing_residuals(mhe.channels, columns[-1])).astype(float),
     )
     if ahead == 0:
         return estimate
@@ -324,21 +334,6 @@ def _estimate(
         arrival_factor=at.arrival_factor,
         guess=np.column_stack([first, estimate.guess[:, :-1]]),
     )
-
-
-def _column(k: int, measured: Any, size: int) -> Array:
-    values = sample_values(f"samples[{k}]", measured)
-    if values.size != size:
-        raise ValueError(f"samples[{k}]: expected {size} values, found {values.size}")
-    return values
-
-
-def _motion(mhe: ShapeMhe, k: int, key: str, value: Any) -> Array:
-    rows, columns = mhe.step.size_in(key)
-    shape = (rows, columns // (mhe.window + 1))
-    if key == "attitude":
-        rotation_matrix(f"samples[{k}]: attitude", value)
-    return np.asarray(expression(f"samples[{k}]: {key}", value, shape).full())
 
 
 def _per_weight(name: str, value: Number, n: int, *, infinite: bool = False) -> Array:

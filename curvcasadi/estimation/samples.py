@@ -1,15 +1,25 @@
-"""Samples that may be missing, made safe for expressions."""
+"""Samples that may be missing, and what comes with them: checked, and safe for expressions."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
-from curvcasadi.expressions import AnyExpr, Array
-from curvcasadi.sensors import AttitudeSensor, Sensor, sensor_channels
+from curvcasadi.estimation.process import offsets
+from curvcasadi.expressions import (
+    AnyExpr,
+    Array,
+    Number,
+    expression,
+    numbers,
+    rotation_matrix,
+)
+from curvcasadi.ocp.targets import numeric
+from curvcasadi.sensors import AttitudeSensor, Channels, Sensor, sensor_channels
 
 #: In place of an attitude that is missing: the identity by columns, whose logarithm is finite.
 _ATTITUDE = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
@@ -63,15 +73,59 @@ def is_rotation(values: AnyExpr) -> AnyExpr:
     return ca.sumsqr(ca.vertcat(*lengths, ca.cross(c1, c2) - c3)) <= _FAR**2
 
 
-def sample_values(where: str, measured: Any) -> Array:
-    """`measured` as a new array (m,) of numbers that are finite, or NaN where missing."""
-    given = measured.full() if isinstance(measured, ca.DM) else measured
-    try:
-        values = np.array(given, dtype=float).ravel()
-    except (TypeError, ValueError):
-        values = np.array([])
-    if isinstance(given, (str, bytes)) or not values.size:
-        raise ValueError(f"{where}: expected numbers, NaN where missing; found {measured!r}")
-    for i in np.flatnonzero(np.isinf(values)):
-        raise ValueError(f"{where}[{i}]: expected a finite number or NaN, found {values[i]}")
+def missing_residuals(channels: Channels, values: Array) -> NDArray[np.bool_]:
+    """Which residuals (r,) `values` (m,) have no sample of: of an attitude all three or none."""
+    where, found = offsets(channels.layout), [np.zeros(0, bool)]
+    for part, residual in zip(channels.layout.parts, channels.residual_layout.parts, strict=True):
+        given = values[where[part.name]]
+        if part.size == residual.size:
+            found.append(np.isnan(given))
+        else:
+            found.append(np.full(residual.size, not float(is_rotation(ca.DM(given)))))
+    return np.concatenate(found)
+
+
+def sample_values(where: str, measured: Any, size: int) -> Array:
+    """`measured` as a new array (size,) of numbers that are finite, or NaN where missing."""
+    values: Array = numbers_or_nan(where, measured).ravel(order="F")
+    if values.size != size:
+        raise ValueError(f"{where}: expected {size} values, found {values.size}")
     return values
+
+
+def numbers_or_nan(name: str, value: Number) -> Array:
+    """`value` as a new array of numbers that are finite, or NaN where missing."""
+    array = np.array(numeric(name, value.full() if isinstance(value, ca.DM) else value), object)
+    for entry in array.flat:
+        numeric(name, entry)
+    try:
+        missing = np.isnan(array.astype(float))
+        infinite = np.argwhere(np.isinf(array.astype(float))).tolist()
+    except (TypeError, ValueError):
+        missing, infinite = np.zeros(array.shape, bool), []
+    for at in infinite:
+        where = ", ".join(map(str, at))
+        raise ValueError(
+            f"{name}[{where}]: expected finite numbers or NaN, found {array[tuple(at)]}"
+        )
+    filled = numbers(name, np.where(missing, 0.0, array))
+    return np.where(missing, np.nan, filled)
+
+
+def input_values(
+    where: str, inputs: Any, shapes: Mapping[str, tuple[int, int]]
+) -> dict[str, Array]:
+    """`inputs`, numbers by name, as arrays of `shapes`; an attitude is a rotation."""
+    if not isinstance(inputs, Mapping):
+        raise ValueError(f"{where}: expected values by name, found {inputs!r}")
+    if set(inputs) != set(shapes):
+        found = sorted(map(str, inputs))
+        raise ValueError(f"{where}: expected {sorted(shapes)}, found {found}")
+    if "attitude" in shapes:
+        rotation_matrix(f"{where}['attitude']", inputs["attitude"])
+    return {k: numeric_array(f"{where}[{k!r}]", inputs[k], shape) for k, shape in shapes.items()}
+
+
+def numeric_array(name: str, value: Number, shape: tuple[int, int]) -> Array:
+    """`value` as an array of `shape` of finite numbers."""
+    return np.asarray(numeric(name, expression(name, value, shape)).full())

@@ -11,7 +11,9 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam import Beam
+from curvcasadi.estimation.samples import missing_residuals, numbers_or_nan
 from curvcasadi.expressions import Array, Number, instance, is_numeric, numbers, rotation_matrix
+from curvcasadi.ocp.targets import numeric
 from curvcasadi.sensors import (
     AttitudeSensor,
     Channels,
@@ -53,13 +55,7 @@ class SensorModel:
 
     def present(self, measured: Array) -> Array:
         """Which rows (r,) of the residual are there; an attitude is there as a whole."""
-        rows = []
-        for sensor, values in zip(self.sensors, self.split(measured), strict=True):
-            there = np.isfinite(values)
-            if isinstance(sensor, AttitudeSensor):
-                there = np.full(len(sensor.residual_components), bool(np.all(there)))
-            rows.append(there)
-        return np.concatenate(rows)
+        return np.asarray(~missing_residuals(self.channels, measured))
 
     def split(self, measured: Array) -> list[Array]:
         """Values of each sensor."""
@@ -136,7 +132,7 @@ def measured_values(model: SensorModel, measurements: Any) -> Array:
     """
     layout = model.channels.layout
     if not isinstance(measurements, Mapping):
-        found = _numbers_or_nan("measurements", measurements).ravel(order="F")
+        found = numbers_or_nan("measurements", measurements).ravel(order="F")
         if found.size != layout.size:
             raise ValueError(
                 f"measurements: expected {layout.size} values, those of "
@@ -160,27 +156,10 @@ def _by_name(measurements: Mapping[str, Number], part: Any) -> Array:
     if part.name not in measurements:
         return np.full(part.size, np.nan)
     where = f"measurements[{part.name!r}]"
-    values = _numbers_or_nan(where, measurements[part.name]).ravel(order="F")
+    values = numbers_or_nan(where, measurements[part.name]).ravel(order="F")
     if values.size != part.size:
         raise ValueError(f"{where}: expected {part.size} values, found {values.size}")
     return values
-
-
-def _numbers_or_nan(name: str, value: Number) -> Array:
-    """`value` as a new array of numbers that are finite or NaN."""
-    array = np.array(value.full() if isinstance(value, ca.DM) else value, dtype=object)
-    try:
-        missing = np.isnan(array.astype(float))
-        infinite = np.argwhere(np.isinf(array.astype(float))).tolist()
-    except (TypeError, ValueError):
-        missing, infinite = np.zeros(array.shape, bool), []
-    for at in infinite:
-        where = ", ".join(map(str, at))
-        raise ValueError(
-            f"{name}[{where}]: expected finite numbers or NaN, found {array[tuple(at)]}"
-        )
-    filled = numbers(name, np.where(missing, 0.0, array))
-    return np.where(missing, np.nan, filled)
 
 
 def covariance_matrix(name: str, value: Number, n: int) -> Array:
@@ -193,7 +172,7 @@ def covariance_matrix(name: str, value: Number, n: int) -> Array:
     ValueError
         If it is not symmetric and positive definite.
     """
-    found = numbers(name, value)
+    found = numbers(name, numeric(name, value))
     one = found.size == 1 and (n > 1 or found.ndim < 2 or isinstance(value, ca.DM))
     if one or (found.size == n and n > 1 and max(found.shape) == n):
         deviations = np.broadcast_to(found.ravel(), (n,))

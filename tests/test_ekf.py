@@ -81,7 +81,7 @@ def test_scalar_measurements_are_the_update_of_kalman():
     assert_allclose(used, np.ones((rows, 1)), atol=0)
 
 
-@pytest.mark.parametrize("residual", [np.nan, 1e6], ids=["missing", "outlier"])
+@pytest.mark.parametrize("residual", [np.nan, 1e6, 1e300], ids=["missing", "outlier", "huge"])
 def test_a_sample_that_is_not_used_changes_nothing(residual):
     n = 5
     belief = ud.belief_of(triangular(ud.factor_of(random_covariance(n))), RNG.normal(size=n))

@@ -45,7 +45,7 @@ def update_function(name: str, process: Process, observation: Observation) -> ca
         "factor_after": factor_after,
         "innovation": innovation,
         "used": used,
-        "nis": ca.dot(used, innovation**2),
+        "nis": ca.sumsqr(used * innovation),  # of an outlier the square alone may overflow
         "dof": ca.sum1(used),
     }
     arguments = [*inputs.values()]

@@ -21,6 +21,10 @@ from curvcasadi.expressions import AnyExpr, Array
 
 _CSE = {"cse": True}
 
+#: Residuals beyond it, SI, count as it: in single precision the square of a larger one over a
+#: variance is no number, and what a flipped bit makes of a reading is larger.
+_LARGEST = 1e15
+
 
 def factor_of(covariance: Array) -> Array:
     """Factor (N, N) of a positive definite `covariance` (N, N)."""
@@ -79,7 +83,8 @@ def measure(n: int, gate: float) -> ca.Function:
     f = [row[j] + sum(factor[i, j] * row[i] for i in range(j)) for j in range(n)]
     s = variance + sum(factor[j, j] * f[j] ** 2 for j in range(n))
     seen = ca.logic_or(row[n] < 0, row[n] >= 0)
-    innovation = -(ca.if_else(seen, row[n], 0) + ca.dot(row[:n], error))
+    near = ca.if_else(row[n] ** 2 <= _LARGEST**2, row[n], _LARGEST * ca.sign(row[n]))
+    innovation = -(ca.if_else(seen, near, 0) + ca.dot(row[:n], error))
     used = seen * (innovation**2 <= gate**2 * s)
     said = ca.vertcat(seen * innovation / ca.sqrt(s), used)
     f = [used * f_j for f_j in f]

@@ -62,8 +62,9 @@ exit codes: 0; 2 after an error in the input; 130 after Ctrl-C.
 
 #: Most samples that a figure keeps, and seconds between writes.
 MOST_SAMPLES, BETWEEN_WRITES = 2000, 0.5
-#: Largest entry of Rᵀ R − I of what counts as a rotation: two digits are enough.
-ROTATION_TOLERANCE = 0.03
+#: Largest entry of Rᵀ R − I of what counts as a rotation: three digits are enough, and nothing
+#: passes that the filter takes for missing, as no rotation to 1e-2.
+ROTATION_TOLERANCE = 3.5e-3
 MOST_WAITING = 256  #: lines that are written together
 FIGURES = (".png", ".pdf", ".svg")
 

@@ -12,7 +12,9 @@ from numpy.testing import assert_allclose
 
 import curvcasadi as cc
 from benchmarks import estimation
+from curvcasadi.estimate_command import ROTATION_TOLERANCE
 from curvcasadi.estimation import ud
+from curvcasadi.estimation.samples import is_rotation
 from curvcasadi.lie import so3
 from curvcasadi.sensors.readout import Readout
 
@@ -81,7 +83,7 @@ def test_scalar_measurements_are_the_update_of_kalman():
     assert_allclose(used, np.ones((rows, 1)), atol=0)
 
 
-@pytest.mark.parametrize("residual", [np.nan, 1e6, 1e300], ids=["missing", "outlier", "huge"])
+@pytest.mark.parametrize("residual", [np.nan, 1e6, 1e308], ids=["missing", "outlier", "huge"])
 def test_a_sample_that_is_not_used_changes_nothing(residual):
     n = 5
     belief = ud.belief_of(triangular(ud.factor_of(random_covariance(n))), RNG.normal(size=n))
@@ -312,6 +314,18 @@ def test_an_attitude_that_is_no_rotation_is_missing(beam, dead):
     assert after.dof == 0
     assert np.all(np.isnan(after.innovation))
     assert_allclose(after.state, start.state, atol=0)
+
+
+def test_the_filter_uses_every_attitude_that_the_command_lets_pass():
+    random = np.random.default_rng(7)
+    for error in random.normal(size=(2000, 3, 3)):
+        gram = error + error.T
+        gram *= ROTATION_TOLERANCE / np.abs(gram).max()
+        stretch = np.linalg.cholesky(np.eye(3) + gram).T  # RᵀR − I is at its limit
+        R = oracle.rotation(random.normal(size=3)) @ stretch
+        assert is_rotation(ca.DM(R.T.ravel()))
+        rounded = np.round(oracle.rotation(random.normal(size=3)), 3)
+        assert np.abs(rounded.T @ rounded - np.eye(3)).max() < ROTATION_TOLERANCE
 
 
 def test_wrong_samples_and_starts_are_named(beam):

@@ -47,7 +47,8 @@ def numbers(name: str, value: Number) -> Array:
         raise ValueError(f"{name}: expected numbers, found {value!r}; stack symbols by ca.vertcat")
     try:
         array = np.asarray(value.full() if isinstance(value, ca.DM) else value)
-        if array.dtype.kind not in "iufO":
+        entries = array.flat if array.dtype.kind == "O" else ()
+        if array.dtype.kind not in "iufO" or not all(map(is_numeric, (value, *entries))):
             raise TypeError
         array = np.array(array, dtype=float)
     except (TypeError, ValueError):

@@ -525,6 +525,11 @@ def test_measurements_compile_and_agree(tmp_path):
         (lambda: cc.RootMotion(twist=[1, 2]), r"RootMotion\.twist: expected shape \(6, 1\)"),
         (lambda: cc.RootMotion(gravity=9.81), r"RootMotion\.gravity: expected shape \(3, 1\)"),
         (lambda: cc.RootMotion(pose=None), r"RootMotion\.pose: expected a Pose"),
+        (
+            lambda: cc.RootMotion(gravity=np.array([ca.SX.sym("g"), 0, 0])),
+            r"RootMotion\.gravity: expected numbers, found array\(\[SX\(g\)",
+        ),
+        (lambda: replace(MARKER, noise=ca.SX.sym("s")), r"Marker\.noise: expected numbers"),
     ],
 )
 def test_fields_that_cannot_be_are_refused(make, message):

@@ -36,6 +36,7 @@ from curvcasadi.expressions import (
     positive,
 )
 from curvcasadi.layout import Layout
+from curvcasadi.ocp.targets import numeric
 from curvcasadi.sensors import Channels, RateGyro, RootMotion, Sensor, sensor_channels
 from curvcasadi.sensors.channels import checked_sensors
 from curvcasadi.sensors.root_motion import numeric_root, root_input_names
@@ -240,7 +241,7 @@ def shape_ekf(
         root=numeric_root(root, known),
         unknown=unknown,
         inputs=known,
-        gate=np.inf if gate == np.inf else float(positive("gate", gate)),
+        gate=_gate(gate),
         iterations=count("iterations", iterations),
     )
     function_name("name", name)
@@ -263,6 +264,13 @@ _MEANING = {
     "root_gyro_density": "the noise of the gyro at the root, rad/√s, as it drives the attitude",
     "bias_density": "the noise of the random walk of the biases, rad/(s √s)",
 }
+
+
+def _gate(value: Any) -> float:
+    """`value`, a number above zero, or infinity."""
+    if is_numeric(value) and value == np.inf:
+        return np.inf
+    return float(numeric("gate", positive("gate", value)))
 
 
 def _one(name: str, value: Any) -> float:

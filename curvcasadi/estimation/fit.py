@@ -16,6 +16,7 @@ from curvcasadi.errors import ConvergenceError
 from curvcasadi.estimation.gauss_newton import Linearization, Minimum, minimize
 from curvcasadi.estimation.observability import Observability, observability
 from curvcasadi.estimation.robust import SCALES, Loss, LossName
+from curvcasadi.estimation.samples import numeric_array
 from curvcasadi.estimation.sensor_model import (
     SensorModel,
     covariance_matrix,
@@ -23,7 +24,8 @@ from curvcasadi.estimation.sensor_model import (
     sensor_model,
 )
 from curvcasadi.estimation.shape_fit import ShapeFit, fit_message
-from curvcasadi.expressions import AnyExpr, Array, Number, choice, expression, positive
+from curvcasadi.expressions import AnyExpr, Array, Number, choice, positive
+from curvcasadi.ocp.targets import numeric
 from curvcasadi.sensors import RootMotion, Sensor
 
 #: Probability of the residual below which other starts are tried.
@@ -85,11 +87,13 @@ def fit_shape(
         raise ValueError(
             f"loss_scale: expected None with loss 'squared', which has no scale; found {loss_scale}"
         )
-    scale = SCALES[loss] if loss_scale is None else float(positive("loss_scale", loss_scale))
+    scale = SCALES[loss]
+    if loss_scale is not None:
+        scale = float(numeric("loss_scale", positive("loss_scale", loss_scale)))
     n = beam.basis.n if isinstance(beam, Beam) else 0
     rates = {"q_dot": q_dot, "q_ddot": q_ddot}
     given = {
-        name: expression(name, value, (n, 1)).full().ravel()
+        name: numeric_array(name, value, (n, 1)).ravel()
         for name, value in rates.items()
         if value is not None
     }
@@ -103,7 +107,7 @@ def fit_shape(
     problem = _Problem(beam, model, given, measured, _prior(prior, n), Loss(loss, scale))
     start = np.zeros(n) if problem.prior is None else problem.prior[0]
     if q_guess is not None:
-        start = expression("q_guess", q_guess, (n, 1)).full().ravel()
+        start = numeric_array("q_guess", q_guess, (n, 1)).ravel()
     best, iterations = _best(problem, start)
     result = _result(problem, best, iterations)
     if throw and not result.converged:
@@ -117,7 +121,7 @@ def _prior(prior: tuple[Number, Number] | None, n: int) -> tuple[Array, Array] |
         return None
     if not isinstance(prior, tuple) or len(prior) != 2:
         raise ValueError(f"prior: expected a pair (mean, covariance), found {prior!r}")
-    mean = expression("prior mean", prior[0], (n, 1)).full().ravel()
+    mean = numeric_array("prior mean", prior[0], (n, 1)).ravel()
     factor = np.linalg.cholesky(covariance_matrix("prior covariance", prior[1], n))
     return mean, np.asarray(solve_triangular(factor, np.eye(n), lower=True))
 

@@ -14,6 +14,7 @@ from curvcasadi.chain import checked_weights
 from curvcasadi.estimation.sensor_model import SensorModel, sensor_model
 from curvcasadi.expressions import AnyExpr, Array, Number, instance, numbers, station
 from curvcasadi.kinematics import body_jacobian_of, jacobian_states
+from curvcasadi.ocp.targets import numeric
 from curvcasadi.sensors import RootMotion, Sensor
 
 #: What may be unknown.
@@ -77,7 +78,8 @@ def information_problem(
 ) -> tuple[SensorModel, list[dict[str, Array]]]:
     """The sensors, and the states at which their derivatives are wanted."""
     instance("beam", beam, Beam)
-    names = (unknowns,) if isinstance(unknowns, str) else tuple(unknowns)
+    single = isinstance(unknowns, str) or not np.iterable(unknowns)
+    names = (unknowns,) if single else tuple(unknowns)
     if names not in (("q",), UNKNOWNS):
         raise ValueError(f"unknowns: expected ('q',) or ('q', 'q_dot'), found {unknowns!r}")
     n = beam.basis.n
@@ -117,12 +119,9 @@ def shape_deviations(
     covariance : P (n, n), (rad/m)²; weights of infinite variance make what they move infinite
     stations : xi; 61 from the root to the tip where None
     """
-    q = checked_weights(beam, q)
-    n = beam.basis.n
-    covariance = np.array(covariance, dtype=float)
-    if covariance.shape != (n, n):
-        raise ValueError(f"covariance: expected shape {(n, n)}, found {covariance.shape}")
-    where = CURVE_STATIONS if stations is None else stations
+    q = numeric("q", checked_weights(beam, q))
+    covariance = _matrix("covariance", covariance, beam.basis.n)
+    where = CURVE_STATIONS if stations is None else numbers("stations", stations).ravel()
     xi = np.array([station("stations", x) for x in where])
     unknown = ~np.isfinite(np.diag(covariance))
     known = np.where(unknown[:, None] | unknown, 0.0, covariance)
@@ -138,3 +137,14 @@ def shape_deviations(
         squares.append(np.where(moved, np.inf, np.maximum(variances, 0.0)))
     deviations = np.sqrt(np.array(squares).T)
     return ShapeDeviations(stations=xi, position=deviations[3:], attitude=deviations[:3])
+
+
+def _matrix(name: str, value: Number, n: int) -> Array:
+    """`value` as a new array (n, n) of numbers, which need not be finite."""
+    try:
+        found = np.array(value.full() if isinstance(value, ca.DM) else value, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected numbers, found {value!r}") from None
+    if found.shape != (n, n):
+        raise ValueError(f"{name}: expected shape {(n, n)}, found {found.shape}")
+    return found

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from curvcasadi.expressions import Array, Number, count, numbers, positive
+from curvcasadi.ocp.targets import numeric
 
 #: Sets of candidates that the exact method tries at most.
 MOST_SETS = 200_000
@@ -56,7 +57,7 @@ def checked_limits(m: int, k: int | None, costs: Number | None, budget: float | 
         if found.size not in (1, m) or not np.all(found > 0):
             raise ValueError(f"costs: expected 1 or {m} numbers above zero, found {found.tolist()}")
         values = np.array(np.broadcast_to(found, (m,)))
-    most = np.inf if budget is None else float(positive("budget", budget))
+    most = np.inf if budget is None else float(numeric("budget", positive("budget", budget)))
     if values is not None and np.min(values) > most:
         raise ValueError(
             f"budget: expected at least {np.min(values):g}, the cheapest candidate, found {most:g}"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import casadi as ca
+import numpy as np
 
 from curvcasadi.beam import Beam
 from curvcasadi.expressions import (
@@ -164,7 +165,7 @@ def measurement_function(
 def _inputs(inputs: Sequence[str] | None, order: int) -> list[str]:
     if inputs is None:
         return ["q", "q_dot"] if order else ["q"]
-    names = [inputs] if isinstance(inputs, str) else list(inputs)
+    names = [*inputs] if np.iterable(inputs) and not isinstance(inputs, str) else [inputs]
     for key in names:
         choice("inputs", key, VARIABLES)
     if len(set(names)) < len(names) or "q" not in names:

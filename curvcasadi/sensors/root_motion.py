@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 
 import casadi as ca
+import numpy as np
 
 from curvcasadi.expressions import (
     AnyExpr,
@@ -96,9 +97,11 @@ def numeric_root(root: RootMotion | None, inputs: Collection[str]) -> RootMotion
 
 def root_input_names(names: Sequence[str]) -> tuple[str, ...]:
     """`names`, each one of `ROOT_INPUTS`, none twice."""
-    if isinstance(names, str) or set(names) - set(ROOT_INPUTS) or len(set(names)) < len(names):
+    found = tuple(names) if np.iterable(names) and not isinstance(names, str) else None
+    # A name that is none of them, or that comes twice, makes those that are fewer than all.
+    if found is None or sum(name in found for name in ROOT_INPUTS) < len(found):
         raise ValueError(
             f"root_inputs: expected names among {', '.join(ROOT_INPUTS)}, each once; "
             f"found {names!r}"
         )
-    return tuple(names)
+    return found

@@ -69,7 +69,8 @@ from curvcasadi.estimation.information import (
     information_matrix,
     shape_deviations,
 )
-from curvcasadi.estimation.mhe import ShapeMhe, WindowEstimate, run_mhe, shape_mhe
+from curvcasadi.estimation.mhe import ShapeMhe, WindowEstimate, shape_mhe
+from curvcasadi.estimation.mhe_run import run_mhe
 from curvcasadi.estimation.placement import Placement, place_sensors
 from curvcasadi.estimation.shape_fit import ShapeFit
 from curvcasadi.export import CFunction, export_c

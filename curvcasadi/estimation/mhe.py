@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -13,14 +12,9 @@ import numpy as np
 from curvcasadi.beam import Beam
 from curvcasadi.estimation import ud
 from curvcasadi.estimation.process import PROCESSES, Process, ProcessName
-from curvcasadi.estimation.samples import (
-    input_values,
-    missing_residuals,
-    numeric_array,
-    sample_values,
-)
+from curvcasadi.estimation.samples import numeric_array
 from curvcasadi.estimation.sensor_model import check_numeric
-from curvcasadi.estimation.start import check_start, initial_belief
+from curvcasadi.estimation.start import initial_belief
 from curvcasadi.estimation.window_problem import WindowProblem
 from curvcasadi.estimation.window_step import step_function
 from curvcasadi.estimation.words import mhe_words
@@ -37,11 +31,10 @@ from curvcasadi.layout import Layout, Part
 from curvcasadi.ocp.targets import numeric
 from curvcasadi.sensors import Channels, RootMotion, Sensor
 from curvcasadi.sensors.channels import checked_sensors
-from curvcasadi.sensors.root_motion import ROOT_INPUTS, root_input_names
+from curvcasadi.sensors.root_motion import root_input_names
 
 #: Units of what a sample depends on and the state does not hold, by name.
 _UNITS = {"q_dot": "rad/(m s)", "q_ddot": "rad/(m s²)"}
-
 
 #: Why an argument is needed.
 _WHY = {
@@ -189,11 +182,17 @@ def shape_mhe(
 
         Until the first window is full, samples to come are missing ones, and arrival values stay;
         `run_mhe` does so.
+
+    Raises
+    ------
+    ValueError
+        If something is missing that the sensors or the process need, or an argument is of another
+        size, kind or range.
     """
     function_name("name", name)
     n = instance("beam", beam, Beam).basis.n
     checked = checked_sensors(sensors)
-    numeric("dt", positive("dt", dt))
+    step = float(numeric("dt", positive("dt", dt)))
     nodes = count("window", window) + 1
     choice("process", process, PROCESSES)
     check_numeric(beam, checked)
@@ -233,9 +232,9 @@ def shape_mhe(
         process=described,
         node=node,
         unknown=unknown,
-        moves=rates * float(dt) if process == "random_walk" else np.full(n, np.inf),
+        moves=rates * step if process == "random_walk" else np.full(n, np.inf),
         nodes=nodes,
-        dt=float(dt),
+        dt=step,
     )
     programs = None if iterations is None else count("iterations", iterations)
     at_most = count("max_iter", max_iter)
@@ -247,92 +246,6 @@ def shape_mhe(
         beam=beam,
         dt=problem.dt,
         window=nodes - 1,
-    )
-
-
-def run_mhe(
-    mhe: ShapeMhe, start: WindowEstimate, samples: Iterable[Any]
-) -> Iterator[WindowEstimate]:
-    """Estimates at the first sample and every `dt` after it, in constant memory.
-
-    Parameters
-    ----------
-    start : `ShapeMhe.initial`, or an estimate to go on from
-    samples : measured (m,), NaN where missing, or (measured, root inputs by name); one every `dt`.
-        An attitude that is no rotation to 1e-2 is missing
-
-    Raises
-    ------
-    ValueError
-        If the start, samples or root inputs are not finite numbers of the sizes that the estimator
-        has.
-    """
-    size = mhe.layout.size
-    check_start(
-        start,
-        WindowEstimate,
-        "estimator",
-        {
-            "time": (),
-            "arrival_mean": (size,),
-            "arrival_factor": (size, size),
-            "guess": (mhe.node.size, mhe.window + 1),
-        },
-    )
-    at = start
-    nodes = mhe.window + 1
-    columns: deque[Array] = deque(maxlen=nodes)
-    motions: deque[dict[str, Array]] = deque(maxlen=nodes)
-    shapes = {key: ROOT_INPUTS[key] for key in mhe.step.name_in()[4:]}
-    for k, sample in enumerate(samples):
-        where = f"samples[{k}]"
-        if isinstance(sample, tuple) and len(sample) != 2:
-            raise ValueError(f"{where}: expected measured or (measured, inputs), found {sample!r}")
-        measured, inputs = sample if isinstance(sample, tuple) else (sample, {})
-        columns.append(sample_values(f"{where}.measured", measured, mhe.channels.layout.size))
-        motions.append(input_values(f"{where}.inputs", inputs, shapes))
-        at = _estimate(mhe, at, start.time + k * mhe.dt, columns, motions)
-        yield at
-
-
-def _estimate(
-    mhe: ShapeMhe,
-    at: WindowEstimate,
-    time: float,
-    columns: deque[Array],
-    motions: deque[dict[str, Array]],
-) -> WindowEstimate:
-    newest, ahead = len(columns) - 1, mhe.window + 1 - len(columns)
-    missing = [np.full_like(columns[0], np.nan)] * ahead
-    found = mhe.step(
-        arrival_mean=at.arrival_mean,
-        arrival_factor=at.arrival_factor,
-        measured=np.column_stack([*columns, *missing]),
-        guess=at.guess,
-        **{
-            key: np.hstack([motion[key] for motion in [*motions, *[motions[-1]] * ahead]])
-            for key in motions[-1]
-        },
-    )
-    states = found["states"].full()[:, : newest + 1]
-    estimate = WindowEstimate(
-        time=time,
-        state=states[:, -1],
-        states=states,
-        arrival_mean=found["arrival_mean_after"].full().ravel(),
-        arrival_factor=found["arrival_factor_after"].full(),
-        guess=found["guess_after"].full(),
-        violation=float(found["violation"]),
-        stationarity=float(found["stationarity"]),
-        used=(~missing_residuals(mhe.channels, columns[-1])).astype(float),
-    )
-    if ahead == 0:
-        return estimate
-    first = np.concatenate([states[:, 0], at.guess[mhe.layout.size :, 0]])
-    return estimate._replace(
-        arrival_mean=at.arrival_mean,
-        arrival_factor=at.arrival_factor,
-        guess=np.column_stack([first, estimate.guess[:, :-1]]),
     )
 
 

@@ -81,7 +81,7 @@ class Readout:
         rows = []
         for sensor in self.sensors:
             if _is_gauge(sensor):
-                rows.append(self._gauge(sensor)[0])
+                rows.append(self._gauge(sensor))
             else:
                 state = states[sensor.xi][: 12 + 6 * sensor.order]
                 read = value_function(_kind(sensor))
@@ -105,9 +105,8 @@ class Readout:
         for part, sensor in zip(self.channels.layout.parts, self.sensors, strict=True):
             given = measured[part.name]
             if _is_gauge(sensor):
-                value, row = self._gauge(sensor)
-                by = {**{name: ca.DM.zeros(1, size) for name, size in columns.items()}, "q": row}
-                found.append([value, value - given, *by.values()])
+                value = self._gauge(sensor)
+                found.append([value, value - given, *self._gauge_slopes(sensor, columns)])
                 continue
             finish = derivative_function(
                 _kind(sensor), self.order, self.beam.basis.n, tuple(columns.items())
@@ -135,9 +134,9 @@ class Readout:
         for part, sensor in zip(self.channels.layout.parts, self.sensors, strict=True):
             given = measured[part.name]
             if _is_gauge(sensor):
-                value, row = self._gauge(sensor)
-                by = {**{name: ca.DM.zeros(1, size) for name, size in columns.items()}, "q": row}
-                found.append([ca.vertcat(*(slope.T for slope in by.values()), value - given)])
+                slopes = self._gauge_slopes(sensor, columns)
+                row = ca.horzcat(*slopes, self._gauge(sensor) - given)
+                found.append([row.T])
                 continue
             read = row_function(_kind(sensor), order, n, tuple(columns.items()), still)
             extra = [rates, turned[sensor.xi]] if sensor.order > order else []
@@ -185,14 +184,23 @@ class Readout:
         )
         return frames, ca.veccat(*mount_fields(sensor).values())
 
-    def _gauge(self, sensor: Any) -> tuple[AnyExpr, AnyExpr]:
-        """Value of a strain gauge, and its row (1, n) of derivatives."""
-        row: AnyExpr = ca.DM([[1, 0, 0]])
-        if isinstance(sensor, StrainGauge):
-            offset: AnyExpr = sensor.offset
-            row = ca.horzcat(0, offset[1], -offset[0])
-        value = row @ curvature(self.beam, self.motion.q, sensor.xi) + sensor.bias
-        return value, row @ ca.DM(self.beam.basis(sensor.xi))
+    def _gauge(self, sensor: Any) -> AnyExpr:
+        """Value of a strain gauge."""
+        curvatures = curvature(self.beam, self.motion.q, sensor.xi)
+        return _gauge_factors(sensor) @ curvatures + sensor.bias
+
+    def _gauge_slopes(self, sensor: Any, columns: dict[str, int]) -> list[AnyExpr]:
+        """Derivatives (1, size) of it by what `columns` names: by all but q they are zero."""
+        by_q = _gauge_factors(sensor) @ ca.DM(self.beam.basis(sensor.xi))
+        return [by_q if name == "q" else ca.DM.zeros(1, size) for name, size in columns.items()]
+
+
+def _gauge_factors(sensor: Any) -> AnyExpr:
+    """Reading of a strain gauge per curvature (1, 3)."""
+    if isinstance(sensor, StrainGauge):
+        offset: AnyExpr = sensor.offset
+        return ca.horzcat(0, offset[1], -offset[0])
+    return ca.DM([[1, 0, 0]])
 
 
 def _kind(sensor: Sensor) -> Any:

@@ -32,13 +32,13 @@ from curvcasadi.expressions import (
     function_name,
     instance,
     is_numeric,
-    numbers,
     positive,
 )
 from curvcasadi.layout import Layout
 from curvcasadi.ocp.targets import numeric
 from curvcasadi.sensors import Channels, RateGyro, RootMotion, Sensor, sensor_channels
 from curvcasadi.sensors.channels import checked_sensors
+from curvcasadi.sensors.descriptions import positive_numbers
 from curvcasadi.sensors.root_motion import numeric_root, root_input_names
 
 
@@ -280,16 +280,4 @@ def _one(name: str, value: Any) -> float:
 def _needed(name: str, value: Number, size: int) -> Array:
     if value is None:
         raise ValueError(f"{name}: expected {_MEANING[name]}; found None")
-    return _deviations(name, value, size)
-
-
-def _deviations(name: str, value: Number, size: int) -> Array:
-    expected = "1 number" if size == 1 else f"1 number or {size}"
-    if value is None or not is_numeric(value):
-        raise ValueError(f"{name}: expected {expected}, found {value}")
-    array = numbers(name, value).ravel()
-    if array.size not in (1, size):
-        raise ValueError(f"{name}: expected {expected}, found {array.size}")
-    for entry in array:
-        positive(name, entry)
-    return np.array(np.broadcast_to(array, (size,)))
+    return positive_numbers(name, value, size)

@@ -71,19 +71,16 @@ class Sensor:
             case "bias":
                 return expression(where, np.zeros(size) if value is None else value, (size, 1))
             case "rate":
-                return _number(where, value)
-        return _deviations(where, value, size)
+                return float(positive_numbers(where, value, 1)[0])
+        return positive_numbers(where, value, size)
 
 
-def _number(where: str, value: Number) -> float:
-    return float(_deviations(where, value, 1)[0])
-
-
-def _deviations(where: str, value: Number, size: int) -> Array:
-    """One positive number for all axes, or one for each: (size,)."""
+def positive_numbers(where: str, value: Number, size: int) -> Array:
+    """One number above zero for all entries, or one for each: (size,)."""
     array = numbers(where, value).ravel()
     if array.size not in (1, size):
-        raise ValueError(f"{where}: expected 1 number or {size}, found {array.size}")
+        expected = "1 number" if size == 1 else f"1 number or {size}"
+        raise ValueError(f"{where}: expected {expected}, found {array.size}")
     for entry in array:
         positive(where, entry)
     return np.array(np.broadcast_to(array, (size,)))

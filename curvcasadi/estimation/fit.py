@@ -24,7 +24,7 @@ from curvcasadi.estimation.sensor_model import (
     sensor_model,
 )
 from curvcasadi.estimation.shape_fit import ShapeFit, fit_message
-from curvcasadi.expressions import AnyExpr, Array, Number, choice, positive
+from curvcasadi.expressions import AnyExpr, Array, Number, choice, instance, positive
 from curvcasadi.ocp.targets import numeric
 from curvcasadi.sensors import RootMotion, Sensor
 
@@ -90,7 +90,7 @@ def fit_shape(
     scale = SCALES[loss]
     if loss_scale is not None:
         scale = float(numeric("loss_scale", positive("loss_scale", loss_scale)))
-    n = beam.basis.n if isinstance(beam, Beam) else 0
+    n = instance("beam", beam, Beam).basis.n
     rates = {"q_dot": q_dot, "q_ddot": q_ddot}
     given = {
         name: numeric_array(name, value, (n, 1)).ravel()
@@ -194,6 +194,7 @@ class _Problem:
         )
 
     def observability(self, slope: Array) -> Observability:
+        """What rows of derivatives over the noise see."""
         return observability(slope, self.length, self.beam.basis.labels)
 
 

@@ -27,17 +27,16 @@ class Observation:
     sensors: tuple[Sensor, ...]
     channels: Channels
     root: RootMotion
-    unknown: Mapping[str, Array]  #: of "q_dot", "q_ddot", "twist"
+    unknown: Mapping[str, Array]  #: standard deviations (n,) of "q_dot", "q_ddot"
     inputs: tuple[str, ...]  #: of "attitude", "position", "twist", "twist_rate": known motion
-    gate: float
-    iterations: int
+    gate: float  #: largest innovation over its standard deviation
+    iterations: int  #: linearizations of an update
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Rows:
     """Linearized rows of one sensor: 0 = residual + slope · (unknowns, error) + noise."""
 
-    name: str
     shared: bool  #: whether they depend on unknowns
     together: bool  #: whether a gate lets all through or none
     rows: list[AnyExpr]  #: (unknowns + error + 1, 1) each: slope, residual
@@ -107,7 +106,6 @@ class Readings:
         order = 1 if "q_dot" in self.observation.unknown else 2
         return [
             Rows(
-                name=name,
                 shared=bool(self.observation.unknown) and sensor.order >= order,
                 together=isinstance(sensor, AttitudeSensor),
                 rows=rows,

@@ -32,6 +32,7 @@ class Limits(NamedTuple):
         return self.budget * (1 + 1e-12)
 
     def cost(self, chosen: Sequence[int]) -> float:
+        """Sum over `chosen`; 0 without costs."""
         return 0.0 if self.costs is None else float(np.sum(self.costs[list(chosen)]))
 
     def fitting(self, chosen: Sequence[int], m: int) -> NDArray[np.bool_]:
@@ -45,6 +46,7 @@ class Limits(NamedTuple):
 
 
 def checked_limits(m: int, k: int | None, costs: Number | None, budget: float | None) -> Limits:
+    """Limits of a choice among `m` candidates, or a ValueError that names what is wrong."""
     if k is None and budget is None:
         raise ValueError("k: expected a number of candidates, or a budget with costs, found None")
     if k is not None and count("k", k) > m:
@@ -73,6 +75,7 @@ class Gains:
         self.m = len(informations)
 
     def of(self, chosen: Sequence[int]) -> float:
+        """f of one set."""
         return float(_log_det(self._sum(chosen)))
 
     def beyond(self, chosen: Sequence[int]) -> Array:

@@ -36,8 +36,8 @@ class WindowProblem:
     node: Layout
     unknown: Mapping[str, Array]  #: standard deviations (n,)
     moves: Array  #: bounds (n,) of |q_{k+1} − q_k|, rad/m; infinite where there is none
-    nodes: int
-    dt: float
+    nodes: int  #: of a window, N + 1
+    dt: float  #: between nodes, s
 
     @property
     def size(self) -> int:
@@ -46,6 +46,7 @@ class WindowProblem:
 
     @property
     def channels(self) -> Channels:
+        """Rows of a sample."""
         return sensor_channels(self.sensors)
 
     @cached_property
@@ -99,6 +100,7 @@ class WindowProblem:
 
     @property
     def known_shapes(self) -> dict[str, tuple[int, int]]:
+        """Of `known`, at one node."""
         return {key: ROOT_INPUTS[key] for key in self.known}
 
     def by_node(self, data: Mapping[str, ca.MX]) -> list[tuple[ca.MX, ...]]:

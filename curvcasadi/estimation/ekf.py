@@ -63,17 +63,18 @@ class Estimate(NamedTuple):
 class ShapeEkf:
     """An extended Kalman filter as two Functions, for Python and for C.
 
-    predict: (state, factor, dt and, with an attitude, rate) -> state_after,
-    factor_after.
-    update: (state, factor, measured and the inputs asked for) -> state_after,
-    factor_after, innovation (r, 1), used (r, 1), nis, dof. A sample that is NaN is missing, and so
-    is an attitude that is no rotation to 1e-2; its innovation is 0.
+    predict: (state, factor, dt and, with an attitude, rate) -> state_after, factor_after.
 
-    After a negative dt the factor is NaN: in Python, and in C before its wrapper refuses it.
+    update: (state, factor, measured and the inputs asked for) -> state_after, factor_after,
+    innovation (r, 1), over its standard deviation, used (r, 1), nis, dof. A sample that is NaN is
+    missing, and so is an attitude that is no rotation to 1e-2; its innovation is 0.
+
+    After a negative dt the factor is NaN: in Python, and in C before its wrapper refuses it. The
+    wrapper refuses infinite samples, too; any finite one is used, gated or missing.
     """
 
-    predict: ca.Function
-    update: ca.Function
+    predict: ca.Function  #: called <name>_predict
+    update: ca.Function  #: called <name>_update
     layout: Layout  #: of the state
     error_layout: Layout  #: of the error state: the attitude's is a rotation vector, parent axes
     channels: Channels  #: rows of measured, and of residuals
@@ -195,10 +196,16 @@ def shape_ekf(
         whose errors bend the readings (or a long gap) take five or more, in a second filter
     name : the Functions are called <name>_predict and <name>_update
 
+    Returns
+    -------
+    ShapeEkf
+        `run_ekf` calls it sample by sample; in C its two Functions are called in turn.
+
     Raises
     ------
     ValueError
-        If something is missing that the sensors, the process or a request needs.
+        If something is missing that the sensors, the process or a request needs, or an argument is
+        of another size, kind or range.
     """
     instance("beam", beam, Beam)
     n = beam.basis.n

@@ -206,23 +206,11 @@ def shape_mhe(
     described = Process(
         kind=process,
         density=_per_weight("density", density, n),
-        attitude=False,
         root_rotation=beam.root.rotation,
-        rate_density=None,
-        biases=0,
-        root_bias=False,
-        bias_density=None,
     )
     most = np.inf if rate_bound is None else rate_bound
     rates = _per_weight("rate_bound", most, n, infinite=True)
-    limits = {"q": beam.bounds, "q_dot": (-rates, rates)}
-    parts = [(part.name, part.unit) for part in described.state.parts]
-    node = Layout(
-        tuple(
-            Part(key, n, unit, *limits.get(key, (-np.inf, np.inf)))
-            for key, unit in [*parts, *((key, _UNITS[key]) for key in unknown)]
-        )
-    )
+    node = _node(described.state, unknown, {"q": beam.bounds, "q_dot": (-rates, rates)})
     problem = WindowProblem(
         name=name,
         beam=beam,
@@ -247,6 +235,16 @@ def shape_mhe(
         dt=problem.dt,
         window=nodes - 1,
     )
+
+
+def _node(
+    state: Layout, unknown: Mapping[str, Array], bounds: Mapping[str, tuple[Array, Array]]
+) -> Layout:
+    """The state, then the unknowns, with the bounds of those that have any."""
+    parts = [(part.name, part.size, part.unit) for part in state.parts]
+    parts += [(name, values.size, _UNITS[name]) for name, values in unknown.items()]
+    free = (-np.inf, np.inf)
+    return Layout(tuple(Part(*part, *bounds.get(part[0], free)) for part in parts))
 
 
 def _per_weight(name: str, value: Number, n: int, *, infinite: bool = False) -> Array:

@@ -39,12 +39,12 @@ class Process:
 
     kind: ProcessName
     density: Array  #: (n,), of the white noise: rad/(m √s), or rad/(m s √s) of q_dot
-    attitude: bool
     root_rotation: AnyExpr  #: R_0 (3, 3)
-    rate_density: float | None  #: of the root's gyro, rad/√s; with `attitude`
-    biases: int  #: of gyros on the wing
-    root_bias: bool
-    bias_density: float | None  #: rad/(s √s); with biases
+    attitude: bool = False  #: whether that of the parent is in the state
+    rate_density: float | None = None  #: of the root's gyro, rad/√s; with `attitude`
+    biases: int = 0  #: number of gyros on the wing whose bias is in the state
+    root_bias: bool = False  #: whether that of the root's gyro is
+    bias_density: float | None = None  #: rad/(s √s); with biases
 
     @property
     def n(self) -> int:

@@ -157,7 +157,34 @@ def test_weighted_targets_are_least_squares_and_miss_nothing():
     assert_allclose(result["distances"], other.distances[:, None], atol=1e-4)  # both near zero
     far = f(q_guess=q, positions=[0, 40, 0], rotations=np.eye(3))
     assert np.isfinite(float(far["distances"]))
-    assert float(far["violation"]) == 0
+    assert float(far["violation"]) <= 1e-9  # weights at their bounds: rounding, over 1e-6
+
+
+@pytest.mark.parametrize("weight", [None, 1.0])
+def test_targets_are_met_by_weights_without_bounds(weight):
+    """Element angles are bounded then: by a linearized |θ|² ≥ 0, too, no weighted one was met."""
+    wing = replace(hale_wing(2, 3, 1), weight_bounds=None)
+    f = cc.shape_target_function(
+        wing, [cc.Target(xi=1, position=[0, 16, 0], weight=weight)], regularization=1e-6
+    )
+    tip, random = cc.tip_function(wing), np.random.default_rng(7)
+    for _ in range(10):
+        position, _ = tip(random.uniform(-0.05, 0.05, 6))
+        result = f(q_guess=random.uniform(-0.01, 0.01, 6), positions=position)
+        assert float(result["violation"]) <= 1
+        assert float(result["stationarity"]) <= 1
+
+
+def test_targets_are_met_in_single_precision():
+    """To its tolerance of 1e-5 L: a seventh of such targets were missed by up to four times."""
+    wing = hale_wing(grid=cc.Grid.lobatto(16, real="float"))
+    f = cc.shape_target_function(wing, [cc.Target(xi=1, position=[0, 16, 0])])
+    tip, random = cc.tip_function(wing), np.random.default_rng(7)
+    for _ in range(20):
+        position, _ = tip(random.choice([0.01, 0.03]) * random.uniform(-1, 1, 9))
+        result = f(q_guess=random.uniform(-0.01, 0.01, 9), positions=position)
+        assert float(result["violation"]) <= 1
+        assert float(result["stationarity"]) <= 1
 
 
 def test_weighted_targets_yield_to_unweighted_ones():

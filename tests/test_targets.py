@@ -140,7 +140,7 @@ def test_limits_name_curvatures_and_angles():
         *(f"K_y at xi = {xi:.3g}" for xi in (0, 0.5, 1)),
         *("angle of element 0", "angle of element 1"),
     )
-    assert_allclose(limits.lower, [-0.02] * 3 + [0] * 2, rtol=0)
+    assert_allclose(limits.lower, [-0.02] * 3 + [-np.inf] * 2, rtol=0)
     assert_allclose(limits.upper, [0.02] * 3 + [1] * 2, rtol=0)
     values = ca.Function("f", [q], [limits.expression])(Q).full().ravel()
     assert_allclose(values[:3], [(beam.basis(xi) @ Q)[1] for xi in (0, 0.5, 1)], atol=1e-16)

@@ -99,6 +99,22 @@ def test_the_plan_is_the_optimum_of_an_independent_solver(converged, seed):
     assert_allclose(result["states"].full()[:, 1:], X, atol=1e-6)
 
 
+@pytest.mark.parametrize("iterations", [None, 1])
+@pytest.mark.parametrize("bounds", [{}, BOUNDS], ids=["unbounded", "bounded"])
+def test_the_tip_of_a_wing_of_a_single_weight_follows_its_path(iterations, bounds):
+    beam = cc.Beam(
+        length=16.0, basis=cc.ChannelBasis(out_of_plane=cc.Legendre(1)), grid=cc.Grid.uniform(8)
+    )
+    model = cc.kinematic_model(beam, time_constant=TAU)
+    f = cc.tip_path_step_function(model, dt=DT, horizon=2, iterations=iterations, **bounds)
+    goal = cc.pose_at(beam, [-0.011], 1.0)
+    path = [ca.repmat(part, 1, 2) for part in (goal.position, goal.rotation)]
+    result = f(x=-0.01, u_previous=-0.01, positions=path[0], rotations=path[1], guess=-0.01)
+    assert float(result["violation"]) <= 1
+    assert float(result["stationarity"]) <= 1
+    assert float(result["states"][-1]) < -0.01  # towards the goal
+
+
 def test_weights_shape_the_optimum_as_in_the_formula():
     weights = (0.1, 3.0, 10.0)
     solver = cc.tip_path_step_function(

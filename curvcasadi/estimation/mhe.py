@@ -175,10 +175,10 @@ def shape_mhe(
         1e-4 (float: 0.3): at most 1 both where the estimate is good. For a number of iterations
         the optimum is that of the last program.
 
-        In single precision about half of cold first windows end with a stationarity above 1,
-        though their state is right to 1e-4 rad/m. In C the wrapper then says NOT_CONVERGED and
-        leaves its outputs untouched: call again with the same arrival values and the next window,
-        or, better, use double, which a Cortex-M7 has, or start warm.
+        In single precision bounds on rates leave some cold first windows unsolved (9 of 60), and
+        more than half where they bound the steps of a random walk. In C the wrapper then leaves its
+        outputs untouched: call again with the same arrival values and the next window, start warm,
+        or, better, use double, which a Cortex-M7 has.
 
         Until the first window is full, samples to come are missing ones, and arrival values stay;
         `run_mhe` does so.

@@ -12,7 +12,7 @@ import numpy as np
 from curvcasadi.estimation.window_problem import WindowProblem
 from curvcasadi.expressions import Array
 from curvcasadi.grid import Real
-from curvcasadi.ocp.sqp import Bounds, GaussNewton, gauss_newton_sqp
+from curvcasadi.ocp.sqp import SHOOTING, Bounds, GaussNewton, gauss_newton_sqp
 
 #: Error of an estimate that is called solved, in standard deviations of what is known before.
 #: In single precision the rounding of residuals alone leaves some 0.1 of the bound.
@@ -63,6 +63,7 @@ def window_solver(
         scaled=False,
         iterations=iterations,
         max_iter=max_iter,
+        halvings=SHOOTING[problem.beam.grid.real],
         qp_solver=qp_solver,
     )
     certificate = _certificate(problem, solver.bounds, stiffness, iterations is not None)

@@ -153,10 +153,10 @@ def _active_bounds(beam: Beam, problem: ReachProblem, q: Array) -> tuple[str, ..
     sides += [*zip(limits.names, values, limits.lower, limits.upper, strict=True)]
     active = []
     for name, value, lower, upper in sides:
-        margin = 1e-4 * (upper - lower)
-        if np.isfinite(margin) and value > upper - margin:
+        margin = 1e-4 * sum(abs(side) for side in (lower, upper) if np.isfinite(side))
+        if value > upper - margin:
             active.append(f"{name} at its upper bound {upper:g}")
-        elif np.isfinite(margin) and value < lower + margin and "angle" not in name:
+        elif value < lower + margin:
             active.append(f"{name} at its lower bound {lower:g}")
     return tuple(active)
 

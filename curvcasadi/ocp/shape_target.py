@@ -30,7 +30,7 @@ from curvcasadi.ocp.targets import (
 #: constraint.
 _STAGES: dict[Real, tuple[tuple[float, float], ...]] = {
     "double": ((1e-3, 1e-3), (1e-4, 2e-4), (1e-5, 2e-5), (1e-6, 2e-6), (1e-7, 2e-7), (0.0, 1e-9)),
-    "float": ((1e-3, 1e-3), (1e-4, 2e-4), (0.0, 1e-7)),
+    "float": ((1e-3, 1e-3), (1e-4, 2e-4), (0.0, 3e-8)),
 }
 _PREFERENCE_ONLY = ((1.0, 1.0),)
 
@@ -67,7 +67,8 @@ def shape_target_function(
         solution as guess, where every target is weighted
     max_iter : of one stage; there are six of them (with `Grid(real="float")` three), or one
     qp_solver : "qrqp", which alone becomes self-contained C; where curvature bounds or element
-        angles are active it may give up, and `violation` tells: "qpoases" does not
+        angles are active it may give up, and `violation` tells: "qpoases" does not. Without weight
+        bounds that keep the elements within their angle these are constraints, and cost much
 
     Returns
     -------

@@ -34,8 +34,13 @@ class Tolerances(NamedTuple):
 
 TOLERANCES: dict[Real, Tolerances] = {
     "double": Tolerances(1e-10, 1e-13, 1e-9, (1e-10, 1e-12), 1e-8, 1e-6, 1e-6, 1e-12),
-    "float": Tolerances(3e-5, 1e-9, 1e-6, (3e-7, 1e-8), 1e-6, 1e-4, 1e-5, 1e-6),
+    "float": Tolerances(3e-6, 1e-10, 1e-6, (3e-7, 1e-8), 1e-6, 1e-4, 1e-5, 1e-6),
 }
+
+
+#: Halvings of a step, at most, in programs with the equations of a model among their constraints:
+#: the merit function refuses good steps there, in single precision any.
+SHOOTING: dict[Real, int] = {"double": 2, "float": 0}
 
 
 class Solution(NamedTuple):
@@ -93,6 +98,7 @@ def gauss_newton_sqp(
     scaled: bool = True,
     iterations: int | None = None,
     max_iter: int = 100,
+    halvings: int = 10,
     qp_solver: str = "qrqp",
 ) -> GaussNewton:
     """Solver of min objective within `bounds` of x and the constraints; with `qrqp` it becomes C.
@@ -110,6 +116,8 @@ def gauss_newton_sqp(
         directions in which the objective is soft
     scaled : False keeps the objective as it is, for QP solvers that would lose the least part of it
     iterations : None to converge within `max_iter`; k for k quadratic programs with full steps
+    halvings : of a step at most, where it converges, until the merit function falls; the last is
+        taken in any case
     """
     if not ca.has_conic(qp_solver):
         raise ValueError(f"qp_solver: expected a QP solver of CasADi, found {qp_solver!r}")
@@ -137,7 +145,8 @@ def gauss_newton_sqp(
         "qpsol_options": qp_options,
         "error_on_fail": False,
         "max_iter": max_iter if iterations is None else 1,
-        **({} if iterations is None else {"max_iter_ls": 0}),
+        "beta": 0.5,
+        "max_iter_ls": halvings if iterations is None else 0,
         "tol_du": tolerances.dual * stiffness,
         "tol_pr": tolerances.primal,
         "min_step_size": tolerances.step,

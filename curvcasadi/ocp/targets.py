@@ -250,7 +250,7 @@ def shape_limits(beam: Beam, q: ca.MX, curvature_bound: Number | None) -> Limits
     if beyond:
         parts.append(squared_element_angles(beam, q)[beyond])
         names += [f"angle of element {e}" for e in beyond]
-        lower.append(np.zeros(len(beyond)))
+        lower.append(np.full(len(beyond), -np.inf))  # 0 would cut, linearized, what is allowed
         upper.append(np.full(len(beyond), beam.grid.max_angle**2))
     return Limits(
         expression=ca.vertcat(*parts),

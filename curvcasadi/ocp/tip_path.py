@@ -9,7 +9,7 @@ from curvcasadi.control_model import ControlModel
 from curvcasadi.expressions import Array, Number, count, function_name, instance, positive
 from curvcasadi.integrators import rk4_step
 from curvcasadi.lie import so3
-from curvcasadi.ocp.sqp import TOLERANCES, Bounds, gauss_newton_sqp
+from curvcasadi.ocp.sqp import SHOOTING, TOLERANCES, Bounds, gauss_newton_sqp
 from curvcasadi.ocp.targets import numeric, rotation_defect
 
 
@@ -120,6 +120,7 @@ def tip_path_step_function(
         real=model.real,
         iterations=None if iterations is None else count("iterations", iterations),
         max_iter=count("max_iter", max_iter),
+        halvings=SHOOTING[model.real],
         qp_solver=qp_solver,
     )
 
@@ -212,9 +213,9 @@ class _Limits:
 
     def of(self, start: ca.MX, end: ca.MX, u: ca.MX, p: ca.MX) -> ca.MX:
         """The bounded entries of one stage."""
-        rates = self._model.xdot(start, u, p)[self._rates]
+        rates = self._model.xdot(start, u, p)[self._rates, :]
         y = self._model.y.split(self._model.output(end, u, p)) if self._curvatures else None
-        return ca.vertcat(rates, y["curvature"][self._curvatures] if y else ca.MX(0, 1))
+        return ca.vertcat(rates, y["curvature"][self._curvatures, :] if y else ca.MX(0, 1))
 
 
 def _spread(name: str, bound: Number | None, n: int) -> tuple[list[int], Array]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -145,6 +146,67 @@ def test_the_generator_writes_c_of_a_wing_file_that_agrees_with_python(tmp_path)
     assert set(generate(beam, tmp_path)["functions"]) == {"tip", "shape_target", "tip_path_step"}
     # Rounding of single precision, over the length, and what it makes of a solver's last step.
     assert max(run_check(tmp_path).values()) <= 1e-3
+
+
+HALE = (ROOT / "ocp_examples" / "hale_wing.toml").read_text()
+
+
+def _generate(tmp_path, text, *options):
+    wing = tmp_path / "wing.toml"
+    wing.write_text(text)
+    return subprocess.run(
+        [sys.executable, "codegen/generate.py", str(wing), "--out", str(tmp_path / "c"), *options],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("weight_bounds = 0.15", ""),
+        ("weight_bounds = 0.15", "weight_bounds = 8.6"),
+        ("weight_bounds = 0.15", "weight_bounds = 1e-3"),
+        ("elements = 16", "elements = 5"),
+        ("length = 16.0", "length = 0.5"),
+        ('n = 4 }\nin_plane = { family = "legendre", n = 2 }', "n = 1 }"),
+    ],
+    ids=["unbounded", "wide", "narrow", "coarse", "short", "few weights"],
+)
+def test_the_generator_finds_shapes_to_test_within_the_limits_of_a_wing(tmp_path, old, new):
+    assert old in HALE
+    done = _generate(tmp_path, HALE.replace(old, new))
+    assert done.returncode == 0, done.stderr
+    assert max(run_check(tmp_path / "c").values()) <= 1e-3
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "message"),
+    [
+        (
+            HALE,
+            ["--max-angle", "0"],
+            r"Grid\.max_angle: expected an angle in \(0, π\] rad",
+        ),
+        (
+            HALE.replace("= 0.15", "= { lower = 5, upper = 8 }"),
+            [],
+            r"expected a grid whose elements",
+        ),
+        (
+            HALE.replace("\nlength", "\nspan"),
+            [],
+            r"\[beam\] span: expected one of",
+        ),
+    ],
+    ids=["no angle", "bent bounds", "unknown key"],
+)
+def test_the_generator_says_in_a_line_what_it_cannot_do(tmp_path, text, options, message):
+    done = _generate(tmp_path, text, *options)
+    assert done.returncode == 2
+    assert re.fullmatch(rf"generate: error: .*{message}.*\n", done.stderr), done.stderr
 
 
 def test_gcc_compiles_all_functions_of_64_elements_in_10_s_and_1_gib(tmp_path):

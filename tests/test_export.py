@@ -220,6 +220,40 @@ def test_free_symbols_are_refused_by_name(tmp_path):
         export_c([f], tmp_path)
 
 
+def test_functions_that_compute_nothing_are_refused(tmp_path):
+    x = ca.MX.sym("x")
+    with pytest.raises(ValueError, match=r"functions: expected outputs to compute, 'f' has none"):
+        cc.export_c([ca.Function("f", [x], [])], tmp_path)
+
+
+def test_numbers_beyond_single_precision_are_refused(tmp_path):
+    x = ca.MX.sym("x")
+    f = ca.Function("f", [x], [ca.fmin(x, 1e300)])
+    with pytest.raises(ValueError, match=r"1.*e\+300, which is infinite in real='float'"):
+        cc.export_c([f], tmp_path, real="float")
+    cc.export_c([f], tmp_path, real="double")
+    assert run_check(tmp_path)["f"] == 0
+
+
+def test_symbols_are_no_reference_inputs(tmp_path):
+    x = ca.MX.sym("x", 2)
+    f = ca.Function("f", [x], [2 * x], ["x"], ["y"])
+    with pytest.raises(ValueError, match=r"\['f'\], x: expected numbers, found the symbol x"):
+        cc.export_c([f], tmp_path, reference_inputs={"f": [(x,)]})
+
+
+def test_inputs_at_which_python_fails_are_named(tmp_path):
+    x = ca.SX.sym("x")
+    options = {"qpsol": "qrqp", "print_time": False, "print_header": False}
+    options |= {"print_iteration": False, "print_status": False}
+    options["qpsol_options"] = {"print_iter": False, "print_header": False, "print_info": False}
+    solver = ca.nlpsol("s", "sqpmethod", {"x": x, "f": x**2, "g": x**2 + 1}, options)
+    y = ca.MX.sym("y")
+    f = ca.Function("f", [y], [solver(x0=y, ubg=0)["x"]])
+    with pytest.raises(ValueError, match=r"\['f'\]: expected inputs at which it can be evaluated"):
+        cc.export_c([cc.CFunction(function=f, unchecked=True)], tmp_path)
+
+
 def test_two_functions_of_one_name_are_refused(tmp_path):
     with pytest.raises(ValueError, match=r"functions: expected different names, found \['small', "):
         export_c([_small(), _small()], tmp_path)

@@ -164,6 +164,8 @@ def c_functions(functions: Any, beam: Beam | None) -> list[CFunction]:
                 "functions: expected names other than C's keywords, those of its library and those "
                 f"of the check program, found {f.name!r}"
             )
+        if not f.function.nnz_out():
+            raise ValueError(f"functions: expected outputs to compute, {f.name!r} has none")
         if f.function.has_free():
             raise ValueError(
                 f"functions: {f.name!r} has free symbols {f.function.get_free()}; "

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from curvcasadi.export import work_vector
 from curvcasadi.export.null_checks import without_failure_checks, without_null_checks
@@ -29,6 +30,7 @@ _INSTEAD = {
     "External": "the CasADi expressions themselves, or C of yours that calls the exported function",
     "Callback": "CasADi expressions: Python does not become C",
     "ThreadMap": "map(n) or map(n, 'serial')",
+    "infinite in real": "real='double', or inf where a bound is none",
     "printme|Monitor": "the same without monitors and print options",
 }
 _ALLOWED_HEADERS = {"math.h", "stdarg.h", "stdio.h"}
@@ -37,6 +39,7 @@ _LIBM = (
     "fmax fmin fmod hypot log log10 log1p pow sin sinh sqrt tan tanh trunc"
 ).split()
 _FLOAT = re.compile(r"(?<![\w.])(?:\d+\.\d*|\.\d+|\d+(?=[eE]))(?:[eE][+-]?\d+)?(?![\w.])")
+_LARGEST_FLOAT = float(np.finfo(np.float32).max)
 _COMMENT = re.compile(r"(/\*.*?\*/|\"(?:\\.|[^\"\\])*\"|^[ \t]*#[ \t]*include[^\n]*)", re.S | re.M)
 
 
@@ -51,7 +54,7 @@ def generate(
         If a part of a function has no C of its own: names the function and what to use instead.
     """
     for function in functions:
-        _refuse_unsupported(function)
+        _refuse_unsupported(function, real)
     source, header = (
         _with_own_names(text, functions, stem) for text in _generated(functions, stem, real)
     )
@@ -87,7 +90,7 @@ def _generated(functions: Sequence[ca.Function], stem: str, real: str) -> tuple[
         return Path(folder, f"{stem}.c").read_text(), Path(folder, f"{stem}.h").read_text()
 
 
-def _refuse_unsupported(function: ca.Function) -> None:
+def _refuse_unsupported(function: ca.Function, real: str) -> None:
     parts = {f.class_name() for f in [function, *function.find_functions()]}
     for kind in ("External", "Feasiblesqpmethod", "ThreadMap"):
         if kind in parts:
@@ -100,8 +103,12 @@ def _refuse_unsupported(function: ca.Function) -> None:
         if include and include[1] not in _ALLOWED_HEADERS:
             foreign = [part for part in parts if part.endswith("Interface")]
             raise _unsupported(function, f"{', '.join(foreign)} ({include[1]})")
+    code = _COMMENT.sub("", source)
+    beyond = [x for x in _FLOAT.findall(code) if float(x) > _LARGEST_FLOAT]
+    if real == "float" and beyond:
+        raise _unsupported(function, f"the number {beyond[0]}, which is infinite in real='float'")
     for call in ("printf", "CASADI_PRINTF", "malloc", "calloc", "free", "erfinv"):
-        if re.search(rf"\b{call}\(", _COMMENT.sub("", source)):
+        if re.search(rf"\b{call}\(", code):
             raise _unsupported(function, f"a call of {call}, as printme and print options do")
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from curvcasadi.export.c_function import STATIONARITY, VIOLATION, CFunction
 from curvcasadi.export.wrappers import Wrapper
-from curvcasadi.expressions import Array, expression
+from curvcasadi.expressions import Array, expression, is_numeric
 
 #: Largest error over the largest entry of an output (at least 1), by type: rounding, and what a
 #: solver makes of it where it may stop at its tolerance.
@@ -58,13 +58,12 @@ def _test(wrapper: Wrapper, given: Sequence[Sequence[Any]] | None) -> str:
         )
     inputs = _random_inputs(wrapper) if given is None else _listed(name, given)
     samples = [_sample(wrapper, values) for values in inputs]
-    outputs = [
-        dict(zip(export.function.name_out(), export.function.call(s), strict=True)) for s in samples
-    ]
+    outputs = [_outputs(export, sample) for sample in samples]
     statuses = [_status(export, output) for output in outputs]
     if "OK" not in statuses:
         raise ValueError(
-            f"reference_inputs: expected one at least that {name!r} solves, found none"
+            f"reference_inputs: expected one at least that {name!r} solves, found "
+            + "; ".join(map(_outcome, statuses, outputs))
         )
 
     lines = [f"#ifdef CHECK_{name}"]
@@ -140,6 +139,23 @@ def _bad_input(wrapper: Wrapper, arguments: list[str]) -> list[str]:
     ]
 
 
+def _outputs(export: CFunction, sample: list[ca.DM]) -> dict[str, ca.DM]:
+    """What Python finds at a sample, by name."""
+    try:
+        return dict(zip(export.function.name_out(), export.function.call(sample), strict=True))
+    except RuntimeError as error:
+        raise ValueError(
+            f"reference_inputs[{export.name!r}]: expected inputs at which it can be evaluated, "
+            f"found: {error}"
+        ) from None
+
+
+def _outcome(status: str, output: Mapping[str, ca.DM]) -> str:
+    """A failure in words, with the outputs that tell it."""
+    told = [f"{key} {float(output[key]):.3g}" for key in (VIOLATION, STATIONARITY)]
+    return f"{status} ({', '.join(told)})"
+
+
 def _status(export: CFunction, output: Mapping[str, ca.DM]) -> str:
     if not all(m.is_regular() for m in output.values()):
         raise ValueError(
@@ -173,6 +189,8 @@ def _sample(wrapper: Wrapper, values: Sequence[Any]) -> list[ca.DM]:
     inputs = []
     for i, value in enumerate(values):
         key = f.name_in(i)
+        if not is_numeric(value):
+            raise ValueError(f"{where}, {key}: expected numbers, found the symbol {value}")
         missing = np.zeros((1, 1), dtype=bool)
         if key in wrapper.export.missing:
             value = ca.DM(value).full()

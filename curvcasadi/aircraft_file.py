@@ -47,6 +47,8 @@ def load_aircraft(path: str | Path) -> Aircraft:
         If it cannot be read.
     """
     file = toml.load_table(path)
+    if "basis" in file.content:
+        raise file.error("expected an aircraft file, found a wing's, with [basis]")
     file.read({"body": toml.table_of(), "beams": toml.TABLES}, _OPTIONAL)
     if not file.content["beams"]:
         raise file.error("beams: expected one or more, found none")

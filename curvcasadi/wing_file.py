@@ -70,6 +70,8 @@ def load_wing(path: str | Path) -> WingFile:
         If it cannot be read.
     """
     file = toml.load_table(path)
+    if "beams" in file.content:
+        raise file.error("expected a wing file, found an aircraft's, with [[beams]]")
     required = dict.fromkeys(("beam", "basis", "grid"), toml.table_of())
     optional = {"section": toml.table_of(), "bodies": toml.TABLES, "loads": toml.TABLES}
     optional |= {"sensors": toml.TABLES, "estimation": toml.table_of()}  # of load_estimation

@@ -1,6 +1,5 @@
 """Aircraft files."""
 
-import re
 import runpy
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import pytest
 
 from curvcasadi.aero import ExponentialTipLoss
 from curvcasadi.aircraft_file import load_aircraft
+from curvcasadi.files import load_beam
 from curvcasadi.loads import PointForce
 from curvcasadi.ocp.trim import trim
 from curvcasadi.section import Steps
@@ -110,6 +110,14 @@ def test_surfaces_and_thrusts_are_optional(aircraft):
     path = aircraft({text[text.index("[[surfaces]]") :]: ""})
     made = load_aircraft(path)
     assert (made.surfaces, made.thrusts, made.inputs) == ((), (), {})
+
+
+def test_a_wing_file_is_told_from_an_aircraft_file():
+    wing = HALE_AIRCRAFT.with_name("hale_wing.toml")
+    with pytest.raises(ValueError, match="expected an aircraft file, found a wing"):
+        load_aircraft(wing)
+    with pytest.raises(ValueError, match="expected a wing file, found an aircraft"):
+        load_beam(HALE_AIRCRAFT)
 
 
 WRONG = {
@@ -234,11 +242,6 @@ def test_an_aircraft_without_beams_is_refused(tmp_path):
     path.write_text("beams = []\n[body]\nmass = 1\nposition = [0, 0, 0]\n")
     with pytest.raises(ValueError, match=r"beams: expected one or more, found none"):
         load_aircraft(path)
-
-
-def test_a_wing_file_is_no_aircraft_file():
-    with pytest.raises(ValueError, match=re.escape("beam: expected one of the keys body, beams")):
-        load_aircraft(EXAMPLES / "hale_wing.toml")
 
 
 def test_a_missing_file_is_named(tmp_path):

@@ -39,6 +39,13 @@ def expression(name: str, value: Number, shape: tuple[int, int]) -> AnyExpr:
     return value
 
 
+def numeric(name: str, value: Number) -> Number:
+    """`value`, which must hold numbers."""
+    if not is_numeric(value):
+        raise ValueError(f"{name}: expected numbers, found the symbol {value}")
+    return value
+
+
 def numbers(name: str, value: Number) -> Array:
     """`value` as a new array of finite numbers; text, truth values and symbols are none."""
     if value is None:

@@ -670,6 +670,7 @@ def test_the_step_compiles_and_agrees(tmp_path, real, process):
         ({"iterations": 0}, r"iterations: expected a whole number of at least 1, found 0"),
         ({"name": "1"}, r"name: expected letters"),
         ({"qp_solver": "none"}, r"qp_solver: expected a QP solver of CasADi, found 'none'"),
+        ({"qp_solver": None}, r"qp_solver: expected a QP solver of CasADi, found None"),
         ({"sensors": []}, r"sensors: expected one or more"),
         (
             {"sensors": [cc.RateGyro(xi=1, **IMU)]},

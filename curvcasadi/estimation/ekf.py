@@ -32,10 +32,10 @@ from curvcasadi.expressions import (
     function_name,
     instance,
     is_numeric,
+    numeric,
     positive,
 )
 from curvcasadi.layout import Layout
-from curvcasadi.ocp.targets import numeric
 from curvcasadi.sensors import Channels, RateGyro, RootMotion, Sensor, sensor_channels
 from curvcasadi.sensors.channels import checked_sensors
 from curvcasadi.sensors.descriptions import positive_numbers
@@ -109,10 +109,6 @@ class ShapeEkf:
             )
             for key, f in (("predict", self.predict), ("update", self.update))
         }
-
-    def layout_size(self, name: str) -> int:
-        """Size of a part of the state."""
-        return next(part.size for part in self.layout.parts if part.name == name)
 
     def part(self, estimate: Estimate, name: str) -> Array:
         """A part of the state of an estimate, (size,)."""

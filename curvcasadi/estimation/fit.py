@@ -24,8 +24,7 @@ from curvcasadi.estimation.sensor_model import (
     sensor_model,
 )
 from curvcasadi.estimation.shape_fit import ShapeFit, fit_message
-from curvcasadi.expressions import AnyExpr, Array, Number, choice, instance, positive
-from curvcasadi.ocp.targets import numeric
+from curvcasadi.expressions import AnyExpr, Array, Number, choice, instance, numeric, positive
 from curvcasadi.sensors import RootMotion, Sensor
 
 #: Probability of the residual below which other starts are tried.

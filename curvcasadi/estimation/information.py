@@ -12,9 +12,8 @@ from curvcasadi import chain
 from curvcasadi.beam import Beam
 from curvcasadi.chain import checked_weights
 from curvcasadi.estimation.sensor_model import SensorModel, sensor_model
-from curvcasadi.expressions import AnyExpr, Array, Number, instance, numbers, station
+from curvcasadi.expressions import AnyExpr, Array, Number, instance, numbers, numeric, station
 from curvcasadi.kinematics import body_jacobian_of, jacobian_states
-from curvcasadi.ocp.targets import numeric
 from curvcasadi.sensors import RootMotion, Sensor
 
 #: What may be unknown.

@@ -25,10 +25,10 @@ from curvcasadi.expressions import (
     count,
     function_name,
     instance,
+    numeric,
     positive,
 )
 from curvcasadi.layout import Layout, Part
-from curvcasadi.ocp.targets import numeric
 from curvcasadi.sensors import Channels, RootMotion, Sensor
 from curvcasadi.sensors.channels import checked_sensors
 from curvcasadi.sensors.root_motion import root_input_names

@@ -16,9 +16,9 @@ from curvcasadi.expressions import (
     Number,
     expression,
     numbers,
+    numeric,
     rotation_matrix,
 )
-from curvcasadi.ocp.targets import numeric
 from curvcasadi.sensors import AttitudeSensor, Channels, Sensor, sensor_channels
 
 #: In place of an attitude that is missing: the identity by columns, whose logarithm is finite.

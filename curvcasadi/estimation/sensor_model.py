@@ -12,8 +12,15 @@ import numpy as np
 
 from curvcasadi.beam import Beam
 from curvcasadi.estimation.samples import missing_residuals, numbers_or_nan
-from curvcasadi.expressions import Array, Number, instance, is_numeric, numbers, rotation_matrix
-from curvcasadi.ocp.targets import numeric
+from curvcasadi.expressions import (
+    Array,
+    Number,
+    instance,
+    is_numeric,
+    numbers,
+    numeric,
+    rotation_matrix,
+)
 from curvcasadi.sensors import (
     AttitudeSensor,
     Channels,

@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from curvcasadi.expressions import Array, Number, count, numbers, positive
-from curvcasadi.ocp.targets import numeric
+from curvcasadi.expressions import Array, Number, count, numbers, numeric, positive
 
 #: Sets of candidates that the exact method tries at most.
 MOST_SETS = 200_000

@@ -11,9 +11,9 @@ import numpy as np
 
 from curvcasadi.beam import Beam
 from curvcasadi.errors import ConvergenceError
-from curvcasadi.expressions import AnyExpr, Array, Number, choice, expression, positive
+from curvcasadi.expressions import AnyExpr, Array, Number, choice, expression, numeric, positive
 from curvcasadi.ocp.reach_problem import Hessian, ReachProblem, ReachSolvers, reach_problem
-from curvcasadi.ocp.targets import TOLERANCE, Regularizer, Target, checked_problem, numeric
+from curvcasadi.ocp.targets import TOLERANCE, Regularizer, Target, checked_problem
 from curvcasadi.shape import Shape, shape_map
 
 #: Starts that are tried, beyond the guess, before unweighted targets count as unreachable.

@@ -19,6 +19,7 @@ from curvcasadi.expressions import (
     function_name,
     instance,
     is_numeric,
+    numeric,
     positive,
     rotation_matrix,
     station,
@@ -77,13 +78,6 @@ class Target:
             raise ValueError(
                 "Target: expected a tolerance (to be met) or a weight (least squares), found both"
             )
-
-
-def numeric(name: str, value: Number) -> Number:
-    """`value`, which must hold numbers."""
-    if not is_numeric(value):
-        raise ValueError(f"{name}: expected numbers, found the symbol {value}")
-    return value
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -6,11 +6,11 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.control_model import ControlModel
-from curvcasadi.expressions import Array, Number, count, function_name, instance, positive
+from curvcasadi.expressions import Array, Number, count, function_name, instance, numeric, positive
 from curvcasadi.integrators import rk4_step
 from curvcasadi.lie import so3
 from curvcasadi.ocp.sqp import SHOOTING, TOLERANCES, Bounds, gauss_newton_sqp
-from curvcasadi.ocp.targets import numeric, rotation_defect
+from curvcasadi.ocp.targets import rotation_defect
 
 
 def tip_path_step_function(

@@ -163,7 +163,7 @@ def plot(cases: dict[str, dict[str, np.ndarray]]) -> Figure:
             for ax, error in zip(column, errors, strict=True):
                 ax.semilogy(100 * DEFLECTIONS, error, marker, ls="-", color=color, label=label)
                 ax.grid(color="0.9")
-        column[0].set_title(truth)
+        column[0].set_title(truth, fontsize="medium")
         column[1].set(xlabel="tip deflection [% of span]", xlim=(0, 62))
     axes[0, 0].set_ylabel("largest position error / span")
     axes[1, 0].set_ylabel("largest attitude error [deg]")

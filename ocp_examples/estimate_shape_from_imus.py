@@ -63,19 +63,29 @@ def estimate(wing: cc.EstimationFile, log: dict[str, np.ndarray]) -> dict[str, n
 
 
 def plot(log: dict[str, np.ndarray], tips: np.ndarray, found: dict[str, np.ndarray]) -> Figure:
-    figure = Figure(figsize=(6.4, 6.4), layout="constrained")
-    rows = figure.subplots(3, 1, sharex=True)
+    """The tip on the left; on the right its error, on the scale of what is left after 2 s."""
+    figure = Figure(figsize=(9.6, 6.4), layout="constrained")
+    rows = figure.subplots(3, 2, sharex=True)
     names = ("forward $x$", "outward $y$", "up $-z$")
-    for k, (axes, name, sign) in enumerate(zip(rows, names, (1, 1, -1), strict=True)):
-        middle, band = sign * found["tip"][k], 3 * found["deviation"][k]
-        axes.fill_between(log["time"], middle - band, middle + band, color="0.8", label="3σ")
-        axes.plot(log["time"], sign * tips[k], color="tab:blue", lw=2, label="truth")
-        axes.plot(log["time"], middle, "--", color="black", lw=1, label="estimate")
-        room = 0.2 + 0.3 * np.ptp(tips[k])
-        axes.set(ylabel=f"tip, {name} [m]")
-        axes.set_ylim(np.min(sign * tips[k]) - room, np.max(sign * tips[k]) + room)
-    rows[-1].set_xlabel("time [s]")
-    rows[0].legend(frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    for k, ((left, right), name, sign) in enumerate(zip(rows, names, (1, 1, -1), strict=True)):
+        left.plot(log["time"], sign * tips[k], color="tab:blue", lw=2, label="truth")
+        left.plot(log["time"], sign * found["tip"][k], "--", color="black", lw=1, label="estimate")
+        room = 0.2 + 0.1 * np.ptp(tips[k])
+        left.set_ylim(np.min(sign * tips[k]) - room, np.max(sign * tips[k]) + room)
+        left.set_ylabel(f"tip, {name} [m]")
+
+        band = 3e3 * found["deviation"][k]
+        right.fill_between(log["time"], -band, band, color="0.8", lw=0, label="3σ")
+        error = 1e3 * sign * (found["tip"] - tips)[k]
+        right.plot(log["time"], error, color="black", lw=0.8, label="estimate − truth")
+        most = 1.5 * np.max(band[log["time"] > 2.0])
+        right.set_ylim(-most, most)
+        right.set_ylabel("error [mm]")
+    for axes in rows[-1]:
+        axes.set_xlabel("time [s]")
+        axes.set_xlim(0, log["time"][-1])
+    for axes in rows[0]:
+        axes.legend(frameon=False, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return figure
 
 

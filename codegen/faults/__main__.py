@@ -152,7 +152,7 @@ def _wrong_statuses(case: Case, real: str, kinds: Any, given: Any, statuses: Any
     """What is refused or accepted without reason, and ordinary problems left unsolved."""
     bad, unclear = faulty.bad(given, bounds(case)), np.zeros(len(statuses), dtype=bool)
     if not case.bounded:
-        turned = _angles(case.beam(real), given["q"])
+        turned = _angles(case.beam(real), given[case.weights[0]])
         bad, unclear = bad | ~(turned <= 1), np.abs(turned - 1) < 1e-5
     wrong = []
     refused = statuses == BAD_INPUT

@@ -9,6 +9,7 @@ precision rounds.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from math import sqrt
 from typing import Any
@@ -93,6 +94,33 @@ def _least_squares() -> ca.Function:
 def shape_target(real: str, inputs: Arrays, outputs: Arrays) -> str:
     gradient = _least_squares()(outputs["q"], inputs["positions"])[0].full()
     return _distance(real, inputs, outputs) or _optimum(real, outputs["q"], gradient)
+
+
+def free_shape_target(real: str, inputs: Arrays, outputs: Arrays) -> str:
+    """Of a wing whose weights the angles of its elements limit alone."""
+    q = outputs["q"]
+    gradient = _least_squares()(q, inputs["positions"])[0].full().ravel()
+    squares, slopes = (x.full() for x in _squared_angles()(q))
+    limit = _beam().grid.max_angle ** 2
+    reached = squares.ravel() > limit - SLACK * (STATIONARITY[real] + LIMIT[real])
+    off = gradient
+    if np.any(reached):
+        off = nnls(slopes[reached].T, -gradient, maxiter=100 * q.size)[1]
+    return (
+        _distance(real, inputs, outputs)
+        or _within(real, squares, -np.inf, limit)
+        or _small(real, float(np.linalg.norm(off)))
+    )
+
+
+@cache
+def _squared_angles() -> ca.Function:
+    """q -> squared angles of the elements, their derivatives."""
+    q = ca.MX.sym("q", _beam().basis.n)
+    squares = cc.squared_element_angles(replace(_beam(), weight_bounds=None), q)
+    angles = ca.Function("angles", [q], [squares]).expand()
+    x = ca.SX.sym("q", _beam().basis.n)
+    return ca.Function("squared_angles", [x], [angles(x), ca.jacobian(angles(x), x)])
 
 
 def shape_target_step(real: str, inputs: Arrays, outputs: Arrays) -> str:

@@ -167,6 +167,16 @@ CASES = (
         weights=("q_guess",),
     ),
     Case(
+        name="free_shape_target",
+        build=_shape_target("free_shape_target", **_WEIGHTED, max_iter=40),
+        ordinary=goal,
+        check=checks.free_shape_target,
+        calls=1_000,  # 32 constraints: each takes as long as twenty others
+        solved=0.95,
+        bounded=False,
+        weights=("q_guess",),
+    ),
+    Case(
         name="shape_target_step",
         build=_shape_target("shape_target_step", **_WEIGHTED, iterations=1),
         ordinary=goal_nearby,

@@ -316,6 +316,33 @@ def test_an_attitude_that_is_no_rotation_is_missing(beam, dead):
     assert_allclose(after.state, start.state, atol=0)
 
 
+#: Places of a camera, looking along z, that does not see the tip of a straight wing of 4 m.
+BLIND = {
+    "the tip in its plane": [0.0, 10.0, 0.0],
+    "the tip in its centre": [4.0, 0.0, 0.0],
+    "the tip behind it": [4.0, 0.0, 10.0],
+    "the tip at its edge": [0.0, 0.0, -1e-9],
+}
+
+
+@pytest.mark.parametrize("bearing", [[np.nan, np.nan], [0.1, 0.2]])
+@pytest.mark.parametrize("position", BLIND.values(), ids=BLIND)
+def test_what_a_camera_does_not_see_changes_nothing(beam, position, bearing):
+    camera = cc.Camera(xi=1.0, noise=1e-3, pose=cc.Pose(rotation=np.eye(3), position=position))
+    walk = {"process": "random_walk", "density": 0.1}
+    both, alone = (cc.shape_ekf(beam, s, **walk) for s in ([ATTITUDE, camera], [ATTITUDE]))
+    turn = oracle.rotation(np.array([0.0, -0.05, 0.0])).T.ravel()
+    start = alone.initial({"q": 0.1})
+    (found,) = cc.run_ekf(both, start, [(0.1, [*turn, *bearing])])
+    (expected,) = cc.run_ekf(alone, start, [(0.1, turn)])
+    assert_allclose(found.state, expected.state, rtol=0)  # the same arithmetic
+    assert_allclose(found.factor, expected.factor, rtol=0)
+    assert_allclose(found.used, [1, 1, 1, 0, 0], rtol=0)
+    assert np.isnan(found.innovation[3:]).all()
+    assert np.isfinite(found.innovation[:3]).all()
+    assert found.dof == 3
+
+
 def test_the_filter_uses_every_attitude_that_the_command_lets_pass():
     random = np.random.default_rng(7)
     for error in random.normal(size=(2000, 3, 3)):

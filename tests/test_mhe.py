@@ -456,6 +456,23 @@ def test_a_run_reports_an_attitude_that_is_no_rotation_as_missing(dead):
     assert_allclose(found.state, expected.state, rtol=0)  # the same arithmetic
 
 
+@pytest.mark.parametrize("bearing", [[np.nan, np.nan], [0.1, 0.2]])
+@pytest.mark.parametrize("position", [[0.0, 10.0, 0.0], [0.0, 0.0, 1e3]])
+def test_what_a_camera_does_not_see_is_missing(position, bearing):
+    pose = cc.Pose(rotation=np.eye(3), position=position)
+    cameras = [cc.Camera(xi=xi, noise=1e-3, pose=pose) for xi in (0.0, 1.0)]
+    mhe, fewer = make([*ATTITUDES, *cameras]), make(ATTITUDES)
+    samples = noisy(ATTITUDES, 4)
+    # The root stays in the plane of the camera, which the tip leaves.
+    seen = np.vstack([samples, np.tile([*bearing, np.nan, np.nan], (4, 1)).T])
+    start = mhe.initial({"q": 0.02})
+    for a, b in zip(
+        cc.run_mhe(mhe, start, seen.T), cc.run_mhe(fewer, start, samples.T), strict=True
+    ):
+        assert a.solved
+        assert_allclose(a.states, b.states, atol=1e-7)  # where iterations end
+
+
 # Structure -------------------------------------------------------------------------------------
 
 

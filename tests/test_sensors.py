@@ -414,6 +414,16 @@ def test_derivatives_of_a_mirrored_wing_and_of_a_broken_basis_equal_ad(wing):
             assert_allclose(a, b, rtol=0, atol=1e-12 * max(1, np.abs(b.full()).max()))  # rounding
 
 
+def test_what_a_camera_does_not_see_is_no_number_and_has_no_derivative(beam):
+    for position, seen in (([0, 0, -1], 1), ([0, 0, 1], 0), ([0, 1, 0], 0), ([0, 0, 0], 0)):
+        pose = cc.Pose(rotation=np.eye(3), position=position)
+        f = cc.measurement_function("m", [cc.Camera(xi=0.0, pose=pose, noise=1.0)], beam)
+        values, residual, by_q = (m.full() for m in f(CURLED_WEIGHTS, [0.1, 0.2]))
+        assert np.isfinite([values, residual]).all() == seen
+        assert np.isnan([values, residual]).all() != seen
+        assert_allclose(by_q, np.zeros((2, 12)), rtol=0)
+
+
 def test_rates_that_are_no_inputs_are_zero(beam):
     f = cc.measurement_function("m", [GYRO, ACCELEROMETER], beam, ["q"], moving_root())
     assert f.name_in() == ["q", "measured"]

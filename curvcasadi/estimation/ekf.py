@@ -48,7 +48,8 @@ class Estimate(NamedTuple):
     time: float  #: s
     state: Array  #: (x,), parts as in `ShapeEkf.layout`
     factor: Array  #: (N, N), upper triangular: U D Uᵀ with D on the diagonal
-    innovation: Array = np.zeros(0)  #: (r,), over its standard deviation; NaN where missing
+    #: (r,), over its standard deviation; NaN where there is no sample, or no prediction of it
+    innovation: Array = np.zeros(0)
     used: Array = np.zeros(0)  #: (r,), 1 for samples that were used, 0 for missing and gated ones
     nis: float = 0.0  #: normalized innovation squared of the used samples
     dof: int = 0  #: number of used samples, its expectation
@@ -67,7 +68,10 @@ class ShapeEkf:
 
     update: (state, factor, measured and the inputs asked for) -> state_after, factor_after,
     innovation (r, 1), over its standard deviation, used (r, 1), nis, dof. A sample that is NaN is
-    missing, and so is an attitude that is no rotation to 1e-2; its innovation is 0.
+    missing. So is an attitude whose columns c1, c2, c3 are no rotation to 1e-2, by the Euclidean
+    norm of (c1·c1 − 1, c2·c2 − 1, c1·c2, c1 × c2 − c3); and the bearing of a point that is
+    predicted out of the camera's view. Of these the output `innovation` is 0, and
+    `Estimate.innovation` of `run_ekf` NaN; of a gated sample both are its innovation.
 
     After a negative dt the factor is NaN: in Python, and in C before its wrapper refuses it. The
     wrapper refuses infinite samples, too; any finite one is used, gated or missing.

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from curvcasadi.estimation.ekf import Estimate, ShapeEkf
+from curvcasadi.estimation.process import offsets
 from curvcasadi.estimation.samples import (
     input_values,
     missing_residuals,
@@ -26,8 +27,8 @@ def run_ekf(
     ----------
     start : `ShapeEkf.initial`, or an estimate to go on from
     samples : (time, measured) or (time, measured, inputs): s; (m,) as in `ekf.channels`, NaN for
-        what there is no sample of, and an attitude that is no rotation to 1e-2 is none either;
-        and "rate" and the `root_inputs` by name. Times may repeat.
+        what there is no sample of, as for `ShapeEkf`; and "rate" and the `root_inputs` by name.
+        Times may repeat.
 
     Raises
     ------
@@ -78,14 +79,17 @@ def _step(
         measured=values,
         **motion,
     )
-    innovation = found["innovation"].full()[:, 0]
+    innovation, used = (found[key].full()[:, 0] for key in ("innovation", "used"))
     innovation[missing_residuals(ekf.channels, values)] = np.nan
+    for rows in offsets(ekf.channels.residual_layout).values():
+        if not np.any(used[rows]) and not np.any(innovation[rows]):
+            innovation[rows] = np.nan  # out of a camera's view: a gated one has an innovation
     return Estimate(
         time,
         found["state_after"].full()[:, 0],
         found["factor_after"].full(),
         innovation,
-        found["used"].full()[:, 0],
+        used,
         float(found["nis"]),
         int(found["dof"]),
     )

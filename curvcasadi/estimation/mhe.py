@@ -54,7 +54,8 @@ class WindowEstimate(NamedTuple):
     guess: Array  #: (v, N + 1), of the next window
     violation: float = 0.0  #: of the bounds, over its tolerance
     stationarity: float = 0.0  #: bound of the distance to the optimum, over its tolerance
-    #: (r,), of the newest sample: 1 for residuals that were used, 0 for those that are missing
+    #: (r,), of the newest sample: 1 where there is one, 0 where it is missing. A bearing of a point
+    #: that the window finds out of the camera's view has 1, but no part in the estimate
     used: Array = np.zeros(0)
 
     @property

@@ -24,7 +24,7 @@ def run_mhe(
     ----------
     start : `ShapeMhe.initial`, at the time of the first sample
     samples : measured (m,), NaN where missing, or (measured, root inputs by name); one every `dt`.
-        An attitude that is no rotation to 1e-2 is missing
+        An attitude that is no rotation is missing, as for `ShapeEkf`
 
     Raises
     ------

@@ -8,8 +8,9 @@ from typing import Any
 import casadi as ca
 
 from curvcasadi.beam import Beam
+from curvcasadi.estimation.samples import or_zero
 from curvcasadi.layout import Layout
-from curvcasadi.sensors import RootMotion, Sensor, measurement_function, sensor_channels
+from curvcasadi.sensors import Camera, RootMotion, Sensor, measurement_function, sensor_channels
 from curvcasadi.sensors.root_motion import ROOT_INPUTS
 
 
@@ -21,7 +22,7 @@ def sample_residual(
     known: Sequence[str] = (),
     root: RootMotion | None = None,
 ) -> ca.Function:
-    """Residuals over their noise, 0 where a sample is missing.
+    """Residuals over their noise, 0 where a sample is missing or its point is not in view.
 
     Parameters
     ----------
@@ -48,6 +49,8 @@ def sample_residual(
     found = read(**parts, **given, measured=inputs["samples"])
     weight = inputs["seen"] / ca.DM(channels.noise)
     residual = weight * found["residual"]
+    if any(isinstance(sensor, Camera) for sensor in sensors):
+        residual = or_zero(residual.shape[0])(residual)
     slopes = ca.horzcat(*(found[f"residual_{key}"] for key in parts))
 
     nominal = {"out_residual": ca.MX.sym("out_residual", residual.shape[0])}

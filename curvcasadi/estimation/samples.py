@@ -52,6 +52,13 @@ def samples_function(sensors: Sequence[Sensor]) -> ca.Function:
     )
 
 
+def or_zero(size: int) -> ca.Function:
+    """values (size, 1) -> the same with 0 for NaN; derivatives are not those of the values."""
+    values = ca.SX.sym("values", size)
+    there = ca.logic_or(values < 0, values >= 0)
+    return ca.Function("or_zero", [values], [ca.if_else(there, values, 0)])
+
+
 def attitudes_function(sensors: Sequence[Sensor]) -> ca.Function:
     """measured (m, 1) -> the same with NaN for attitudes that `is_rotation` denies."""
     layout = sensor_channels(sensors).layout

@@ -33,7 +33,7 @@ def ekf_words(
         "dt": "time since the state, s, not below zero",
         "rate": "reading of the gyro at the root, rad/s, root axes",
         "measured": _measured(channels),
-        "innovation": f"over its standard deviation, 0 where missing; rows: {rows}",
+        "innovation": f"over its standard deviation, 0 where missing or not in view; rows: {rows}",
         "used": f"1 for samples that were used, else 0; rows: {rows}",
         "nis": "normalized innovation squared of the used samples",
         "dof": "number of used samples",

@@ -50,6 +50,10 @@ class Mount(NamedTuple):
     pose: Any = None  #: (R, p) of a camera in the parent, (3, 4)
 
 
+#: What no camera sees lies further from its optical axis: tangent of the angle, 89.94°. A bearing
+#: is no number from there on to behind the camera.
+_WIDEST = 1e3
+
 Value: TypeAlias = Callable[[StationMotion, Frames, Mount], Any]
 #: Derivatives by the name of what is varied; of an attitude, its variation on the right.
 Slopes: TypeAlias = Callable[[StationMotion, Frames, Mount], dict[str, Any]]
@@ -163,9 +167,16 @@ def _in_camera(at: StationMotion, frames: Frames, mount: Mount) -> Any:
     return mount.pose[:, :3].T @ (point - mount.pose[:, 3])
 
 
-def _camera(at: StationMotion, frames: Frames, mount: Mount) -> Any:
+def in_view(at: StationMotion, frames: Frames, mount: Mount) -> Any:
+    """1 if a camera sees the point, z > 0 and |(x, y)| < 1e3 z, else 0."""
     point = _in_camera(at, frames, mount)
-    return point[:2] / point[2] + mount.bias
+    return (point[2] > 0) * (ca.sumsqr(point[:2]) < (_WIDEST * point[2]) ** 2)
+
+
+def _camera(at: StationMotion, frames: Frames, mount: Mount) -> Any:
+    """(x, y)/z, and NaN, a root of −1, of what is not in view."""
+    point = _in_camera(at, frames, mount)
+    return point[:2] / point[2] + ca.sqrt(in_view(at, frames, mount) - 1) + mount.bias
 
 
 def _camera_slopes(at: StationMotion, frames: Frames, mount: Mount) -> dict[str, Any]:

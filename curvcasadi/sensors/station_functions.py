@@ -12,8 +12,8 @@ from curvcasadi.expressions import AnyExpr
 from curvcasadi.kinematics import StationMotion, unpack_motion
 from curvcasadi.lie import so3
 from curvcasadi.pose import Pose
-from curvcasadi.sensors.descriptions import AttitudeSensor, Sensor
-from curvcasadi.sensors.readings import READINGS, Frames, Mount
+from curvcasadi.sensors.descriptions import AttitudeSensor, Camera, Sensor
+from curvcasadi.sensors.readings import READINGS, Frames, Mount, in_view
 
 #: Shapes of the fields of a sensor that may be symbols; that of a bias is its residual's.
 _MOUNT = {"offset": (3, 1), "mounting": (3, 3), "pose": (3, 4)}
@@ -115,6 +115,8 @@ def _derivatives(
     if kind is AttitudeSensor:
         there = ca.logic_or(error < 0, error >= 0)
         by_variation = so3.right_jacobian_inverse(ca.if_else(there, error, 0))
+    if kind is Camera:
+        slopes["q"] = ca.if_else(in_view(at, frames, mount), slopes["q"], 0)
     blocks = [
         ca.densify(by_variation @ slopes[name]) if name in slopes else ca.SX.zeros(rows, size)
         for name, size in columns

@@ -13,7 +13,8 @@ from curvcasadi.expressions import Number, expression, instance, is_numeric, num
 from curvcasadi.grid import Real
 from curvcasadi.layout import Layout, Part
 from curvcasadi.pose_function import tip_function
-from curvcasadi.shape import curvature
+from curvcasadi.resolution import largest_element_angles
+from curvcasadi.shape import curvature, squared_element_angles
 
 #: Stations of the curvatures among the outputs, unless others are asked for.
 CURVATURE_STATIONS = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -31,6 +32,9 @@ class ControlModel:
     xdot: ca.Function  #: (x, u, p) -> xdot
     output: ca.Function  #: (x, u, p) -> y
     real: Real = "double"  #: arithmetic that it is made for, as in `Grid`
+    #: (x) -> squared angles of elements over what they may turn, of those that the bounds of x do
+    #: not keep from it
+    angles: ca.Function | None = None
 
 
 def kinematic_model(
@@ -43,7 +47,8 @@ def kinematic_model(
     x: q, rad/m, bounded by `Beam.weight_bounds`; u: q_command, rad/m, bounded likewise;
     p: disturbance, rad/m; y: position (3, m) and rotation (9, by columns) of the tip, local to
     parent, and curvature (K_x, K_y, K_z at each of `curvature_stations`, rad/m, local axes). The
-    tip's structured Jacobian is used by derivatives of `output`.
+    tip's structured Jacobian is used by derivatives of `output`. Element angles are checked where
+    `Beam.weight_bounds` do not keep them within `Grid.max_angle`.
 
     Parameters
     ----------
@@ -91,7 +96,18 @@ def kinematic_model(
             signature[1],
             ["y"],
         ),
+        angles=_angles(beam),
     )
+
+
+def _angles(beam: Beam) -> ca.Function | None:
+    kept = largest_element_angles(beam) <= beam.grid.max_angle
+    beyond = [int(e) for e in np.flatnonzero(~kept)]
+    if not beyond:
+        return None
+    q = ca.MX.sym("x", beam.basis.n)
+    squares = squared_element_angles(beam, q)[beyond, :] / beam.grid.max_angle**2
+    return ca.Function("kinematic_angles", [q], [squares], ["x"], ["angles"])
 
 
 def _time_constants(value: Number, n: int) -> ca.DM:

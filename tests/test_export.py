@@ -229,10 +229,17 @@ def test_functions_that_compute_nothing_are_refused(tmp_path):
 def test_numbers_beyond_single_precision_are_refused(tmp_path):
     x = ca.MX.sym("x")
     f = ca.Function("f", [x], [ca.fmin(x, 1e300)])
-    with pytest.raises(ValueError, match=r"1.*e\+300, which is infinite in real='float'"):
+    with pytest.raises(ValueError, match=r"1.*e\+300, which real='float' does not have"):
         cc.export_c([f], tmp_path, real="float")
     cc.export_c([f], tmp_path, real="double")
     assert run_check(tmp_path)["f"] == 0
+
+
+def test_numbers_below_single_precision_are_refused(tmp_path):
+    x = ca.MX.sym("x")
+    f = ca.Function("f", [x], [x / (x**2 + 1e-300)])
+    with pytest.raises(ValueError, match=r"1.*e-300, which real='float' does not have"):
+        cc.export_c([f], tmp_path, real="float")
 
 
 def test_symbols_are_no_reference_inputs(tmp_path):

@@ -280,8 +280,9 @@ def test_the_manifest_has_the_hash_and_the_version_of_what_was_generated(exporte
 
 def test_the_manifest_tells_the_iterations_of_every_solver(exported):
     _, manifest = exported
-    # Those asked for, one of a single program; 100 by default; of all quadratic programs the most,
-    # three for each of the unknowns and constraints of the MPC.
+    # Those asked for, one of a single program; 100 by default; of quadratic programs three for each
+    # of the unknowns and constraints: 5 weights and 4 elements; 2 stages of 10 unknowns, 5 gaps and
+    # 5 rates, or no rates.
     assert manifest["iterations"] == {
         "near_stage": 9,
         "near_step_stage": 1,
@@ -289,7 +290,11 @@ def test_the_manifest_tells_the_iterations_of_every_solver(exported):
         "path_solver": 100,
         "path_step_solver": 1,
         "equilibrium_solver": 7,
-        "qpsol": 120,
+        "near_stage_qpsol": 27,
+        "near_step_stage_qpsol": 27,
+        "met_stage_qpsol": 27,
+        "path_solver_qpsol": 120,
+        "path_step_solver_qpsol": 90,
     }
 
 

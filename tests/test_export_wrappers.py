@@ -324,9 +324,13 @@ def _unsupported(part):
         return ca.rootfinder("s", part, {"x": x, "p": p, "g": x**3 - p})(0, p)
     if part == "cvodes":
         return ca.integrator("s", "cvodes", {"x": x, "p": p, "ode": p - x}, 0, 1)(x0=0, p=p)["xf"]
-    if part == "thread":
+    if part == "rk":
+        return ca.integrator("s", "rk", {"x": x, "p": p, "ode": p - x}, 0, 1)(x0=0, p=p)["xf"]
+    if part == "erfinv":
+        return ca.erfinv(p)
+    if part in ("thread", "openmp"):
         square = ca.Function("square", [x], [x**2], {"never_inline": True})
-        return ca.sum2(square.map(3, "thread")(ca.horzcat(p, p, p)))
+        return ca.sum2(square.map(3, part)(ca.horzcat(p, p, p)))
     if part == "printme":
         return p.printme(1)
     if part == "monitor":
@@ -343,6 +347,9 @@ _KEPT = _Twice()
         ("ipopt", r"sqpmethod.*shape_target_function"),
         ("qpoases", "'qrqp'"),
         ("newton", "fast_newton"),
+        ("rk", "'simplify': True"),
+        ("erfinv", "an approximation of your own"),
+        ("openmp", r"map\(n, 'serial'\)"),
         ("kinsol", "fast_newton"),
         ("cvodes", r"integrator\(…, 'rk'"),
         ("thread", "'serial'"),
@@ -421,7 +428,11 @@ def test_wrong_fields_of_a_c_function_are_refused(made, message):
         ([_f("x", name="tip"), _f("x", name="tip_with")], {}, "'tip' and 'tip_with'"),
         ([_f("x", name="tip"), _f("x", name="tip_out")], {}, "'tip' and 'tip_out'"),
         ([_f("x", name="status")], {}, "found 'status'"),
-        ([_f("x", name="tip"), _f("x", name="casadi_tip")], {}, "'tip' and 'casadi_tip'"),
+        ([_f("x", name="tip"), _f("x", name="casadi_tip")], {}, "found 'casadi_tip'"),
+        ([_f("x", name="f" * 61)], {}, "expected names of at most 60 characters"),
+        ([_f("x")], {"name": "math"}, "name: expected another .*found 'math'"),
+        ([_f("x")], {"name": "all"}, "name: expected another .*found 'all'"),
+        ([_f("x")], {"real": "float", "reference_inputs": {"f": [[1e300]]}}, "f.*that float32 has"),
     ],
 )
 def test_wrong_arguments_of_export_c_are_refused_and_nothing_is_written(

@@ -175,6 +175,20 @@ def test_targets_are_met_by_weights_without_bounds(weight):
         assert float(result["stationarity"]) <= 1
 
 
+@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize("xi", [0.1, 0.25])
+def test_targets_at_inner_stations_are_met(xi, real):
+    """They move by xi² of what the tip does."""
+    wing = hale_wing(grid=cc.Grid.lobatto(16, real=real))
+    f = cc.shape_target_function(wing, [cc.Target(xi=xi, position=[0, 1, 0])])
+    random = np.random.default_rng(3)
+    for _ in range(10):
+        q = random.uniform(-0.03, 0.03, 9)
+        result = f(q_guess=0.9 * q, positions=cc.pose_at(wing, q, xi).position)
+        assert float(result["violation"]) <= 1
+        assert float(result["stationarity"]) <= 1
+
+
 def test_targets_are_met_in_single_precision():
     """To its tolerance of 1e-5 L: a seventh of such targets were missed by up to four times."""
     wing = hale_wing(grid=cc.Grid.lobatto(16, real="float"))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import curvcasadi as cc
-from curvcasadi.ocp.sqp import TOLERANCES, Bounds, gauss_newton_sqp
+from curvcasadi.ocp.sqp import TOLERANCES, Bounds, gauss_newton_sqp, larger
 from curvcasadi.reference_wings import hale_wing
 
 WING = hale_wing()
@@ -70,6 +70,19 @@ def test_the_certificate_is_that_of_the_optimality_conditions(
         assert float(found[0]) == pytest.approx(violation, abs=1e-15)  # rounding
     left = float(found[1]) * TOLERANCES["double"].stationarity
     assert left == pytest.approx(stationarity, abs=1e-12, nan_ok=True)  # rounding over 1e-8
+
+
+def test_constraints_that_are_no_number_are_not_kept():
+    """A difference of infinities, which a largest excess would overlook."""
+    x, p = ca.MX.sym("x"), ca.MX.sym("p")
+    solver = gauss_newton_sqp(
+        "s", x, p, x**2 / 2, ca.MX(1), x + p, Bounds(-1, 1, 0, 0), nominal=(0, 0), real="double"
+    )
+    assert np.isnan(float(solver.certificate(0, np.nan, 0, 0)[0]))
+    assert float(solver.certificate(0, np.inf, 0, 0)[0]) == np.inf
+    path = larger(ca.MX.sym("a"), ca.MX(2.0))
+    f = ca.Function("f", ca.symvar(path), [path])
+    assert (float(f(1)), float(f(3)), np.isnan(float(f(np.nan)))) == (2, 3, True)
 
 
 def test_too_few_iterations_are_not_certified():

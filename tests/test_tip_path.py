@@ -115,6 +115,42 @@ def test_the_tip_of_a_wing_of_a_single_weight_follows_its_path(iterations, bound
     assert float(result["states"][-1]) < -0.01  # towards the goal
 
 
+def test_elements_that_turn_too_far_are_told():
+    """Unbounded weights leave what the polynomials of an element are made for."""
+    beam = cc.Beam(
+        length=16, basis=cc.ChannelBasis(out_of_plane=cc.Legendre(3)), grid=cc.Grid.lobatto(16)
+    )
+    model = cc.kinematic_model(beam, time_constant=0.25)
+    weights = {"position_weight": 1 / 256, "attitude_weight": 0.1, "move_weight": 2.56e-3}
+    f = cc.tip_path_step_function(model, dt=0.05, horizon=4, iterations=1, **weights)
+    pose = cc.pose_at(beam, [-0.05, 0.05, 0], 1.0)
+    path = {
+        "positions": ca.repmat(pose.position, 1, 4),
+        "rotations": ca.repmat(pose.rotation, 1, 4),
+    }
+    x = np.array([0.05, 0, 0])
+    result = f(x=x, u_previous=x, guess=np.tile(x, 8), **path)
+    q = ca.MX.sym("q", 3)
+    angles = ca.Function("angles", [q], [cc.squared_element_angles(beam, q)]).map(5)
+    assert np.max(angles(result["states"])) > 1
+    assert float(result["violation"]) > 1
+    near = cc.pose_at(beam, 1.01 * x, 1.0)
+    path = {
+        "positions": ca.repmat(near.position, 1, 4),
+        "rotations": ca.repmat(near.rotation, 1, 4),
+    }
+    result = f(x=x, u_previous=x, guess=np.tile(x, 8), **path)
+    assert float(result["violation"]) <= 1
+
+
+def test_frozen_weights_are_refused_where_qrqp_fails():
+    lower, upper = np.full((2, 9), [[-0.1], [0.1]])
+    lower[0] = upper[0] = 0
+    model = cc.kinematic_model(replace(WING, weight_bounds=(lower, upper)), time_constant=TAU)
+    with pytest.raises(ValueError, match="model: expected room between the bounds"):
+        cc.tip_path_step_function(model, dt=DT, horizon=2)
+
+
 def test_weights_shape_the_optimum_as_in_the_formula():
     weights = (0.1, 3.0, 10.0)
     solver = cc.tip_path_step_function(

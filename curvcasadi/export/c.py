@@ -12,7 +12,7 @@ import casadi as ca
 
 from curvcasadi.beam import Beam
 from curvcasadi.export import generated, self_test, wrappers
-from curvcasadi.export.c_function import TAKEN, CFunction, c_functions
+from curvcasadi.export.c_function import TAKEN, TAKEN_FILES, CFunction, c_functions
 from curvcasadi.export.manifest import manifest
 from curvcasadi.expressions import choice, function_name
 
@@ -71,10 +71,13 @@ def export_c(
     """
     choice("real", real, _SIZES)
     function_name("name", name)
-    if name == "check" or name in TAKEN:
+    if name in TAKEN | TAKEN_FILES:
         raise ValueError(
-            f"name: expected another than that of the self-test and words of C, found {name!r}"
+            "name: expected another than those of the self-test, of words and headers of C and of "
+            f"targets of CMake, found {name!r}"
         )
+    if not isinstance(directory, str | Path):
+        raise ValueError(f"directory: expected a path, found {directory!r}")
     exports = c_functions(functions, beam)
     if name in {f.name for f in exports}:
         raise ValueError(f"name: expected another than that of a function, found {name!r}")

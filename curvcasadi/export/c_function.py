@@ -58,6 +58,16 @@ TAKEN = frozenset(
     DBL_MAX FLT_MAX HUGE_VAL INFINITY LARGEST NAN NULL UNTOUCHED""".split()
 )
 
+#: Names that headers of C, the self-test or targets of CMake have.
+TAKEN_FILES = frozenset(
+    """assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal
+    stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string tgmath threads
+    time uchar wchar wctype all check clean edit_cache help install package rebuild_cache test
+    """.split()
+)
+
+_LONGEST_NAME = 60
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CFunction:
@@ -159,10 +169,14 @@ def c_functions(functions: Any, beam: Beam | None) -> list[CFunction]:
     if len(set(names)) < len(names):
         raise ValueError(f"functions: expected different names, found {names}")
     for f in exported:
-        if f.name in TAKEN | {"status"} or f.name.startswith("check_"):
+        if f.name in TAKEN | {"status"} or f.name.startswith(("check_", "casadi_")):
             raise ValueError(
-                "functions: expected names other than C's keywords, those of its library and those "
-                f"of the check program, found {f.name!r}"
+                "functions: expected names other than C's keywords, those of its library, of "
+                f"CasADi and of the check program, found {f.name!r}"
+            )
+        if len(f.name) > _LONGEST_NAME:
+            raise ValueError(
+                f"functions: expected names of at most {_LONGEST_NAME} characters, found {f.name!r}"
             )
         if not f.function.nnz_out():
             raise ValueError(f"functions: expected outputs to compute, {f.name!r} has none")

@@ -25,12 +25,13 @@ _INSTEAD = {
     "Ipopt|Sqp|Scpgen|Alpaqa|Fatrop|Knitro|Worhp|Snopt|Bonmin": "nlpsol(…, 'sqpmethod', …) with "
     "qpsol 'qrqp', or shape_target_function and tip_path_step_function",
     "Newton|Kinsol|ImplicitToNlp": "rootfinder(…, 'fast_newton', …)",
-    "Cvodes|Idas|Collocation": "integrator(…, 'rk', …, {'simplify': True})",
+    "Cvodes|Idas|Collocation|RungeKutta": "integrator(…, 'rk', …, {'simplify': True})",
     "SymbolicQr|Csparse|Mumps|Lapack|Ma27|Ma57|Ma97|Ma86": "the linear solver 'qr' or 'ldl'",
     "External": "the CasADi expressions themselves, or C of yours that calls the exported function",
     "Callback": "CasADi expressions: Python does not become C",
-    "ThreadMap": "map(n) or map(n, 'serial')",
-    "infinite in real": "real='double', or inf where a bound is none",
+    "ThreadMap|OmpMap": "map(n) or map(n, 'serial')",
+    "does not have": "real='double', inf where a bound is none, 0 where a number is",
+    "erfinv": "an approximation of your own",
     "printme|Monitor": "the same without monitors and print options",
 }
 _ALLOWED_HEADERS = {"math.h", "stdarg.h", "stdio.h"}
@@ -39,7 +40,7 @@ _LIBM = (
     "fmax fmin fmod hypot log log10 log1p pow sin sinh sqrt tan tanh trunc"
 ).split()
 _FLOAT = re.compile(r"(?<![\w.])(?:\d+\.\d*|\.\d+|\d+(?=[eE]))(?:[eE][+-]?\d+)?(?![\w.])")
-_LARGEST_FLOAT = float(np.finfo(np.float32).max)
+_SMALLEST_FLOAT, _LARGEST_FLOAT = map(float, (np.finfo(np.float32).tiny, np.finfo(np.float32).max))
 _COMMENT = re.compile(r"(/\*.*?\*/|\"(?:\\.|[^\"\\])*\"|^[ \t]*#[ \t]*include[^\n]*)", re.S | re.M)
 
 
@@ -92,10 +93,10 @@ def _generated(functions: Sequence[ca.Function], stem: str, real: str) -> tuple[
 
 def _refuse_unsupported(function: ca.Function, real: str) -> None:
     parts = {f.class_name() for f in [function, *function.find_functions()]}
-    for kind in ("External", "Feasiblesqpmethod", "ThreadMap"):
+    for kind in ("External", "Feasiblesqpmethod", "ThreadMap", "OmpMap"):
         if kind in parts:
             raise _unsupported(function, kind)
-    source, _ = _generated([function], "part", "double")
+    source, _ = _generated([function], "part", real)
     for line in source.splitlines():
         if "#error" in line:
             raise _unsupported(function, line.strip().removeprefix("#error").strip())
@@ -104,10 +105,12 @@ def _refuse_unsupported(function: ca.Function, real: str) -> None:
             foreign = [part for part in parts if part.endswith("Interface")]
             raise _unsupported(function, f"{', '.join(foreign)} ({include[1]})")
     code = _COMMENT.sub("", source)
-    beyond = [x for x in _FLOAT.findall(code) if float(x) > _LARGEST_FLOAT]
-    if real == "float" and beyond:
-        raise _unsupported(function, f"the number {beyond[0]}, which is infinite in real='float'")
-    for call in ("printf", "CASADI_PRINTF", "malloc", "calloc", "free", "erfinv"):
+    for number in _FLOAT.findall(code) if real == "float" else ():
+        if float(number) and not _SMALLEST_FLOAT <= float(number) <= _LARGEST_FLOAT:
+            raise _unsupported(function, f"the number {number}, which real='float' does not have")
+    if re.search(r"\berfinv\(", code):
+        raise _unsupported(function, "a call of erfinv, of which C has none")
+    for call in ("printf", "CASADI_PRINTF", "malloc", "calloc", "free"):
         if re.search(rf"\b{call}\(", code):
             raise _unsupported(function, f"a call of {call}, as printme and print options do")
 

@@ -21,7 +21,7 @@ _LOOPS = (
     re.compile(r"for \(iter=0; iter<(\d+); \+\+iter\)"),
 )
 _PART = re.compile(
-    r"^/\* (\w+):\([^\n]*\*/\nstatic int \w+\(const casadi_real\*\* arg.*?^}$", re.S | re.M
+    r"^/\* (\w+):\([^\n]*\*/\nstatic int (\w+)\(const casadi_real\*\* arg.*?^}$", re.S | re.M
 )
 
 
@@ -42,12 +42,18 @@ def manifest(wrappers: list[Wrapper], source: str, files: list[str], real: str) 
 
 
 def iteration_bounds(source: str) -> dict[str, int]:
-    """Largest number of iterations of every solver in generated C, by its name."""
+    """Largest number of iterations of every solver in generated C, by its name.
+
+    CasADi calls all quadratic programs "qpsol": here they have the name of their SQP before it.
+    """
+    parts = list(_PART.finditer(source))
     bounds: dict[str, int] = {}
-    for part in _PART.finditer(source):
+    for part in parts:
         found = [int(m[1]) for loop in _LOOPS for m in loop.finditer(part[0])]
+        callers = [p[1] for p in parts if p is not part and f"{part[2]}(" in p[0]]
+        names = [f"{caller}_qpsol" for caller in callers] if part[1] == "qpsol" else [part[1]]
         if found:
-            bounds[part[1]] = max(found[0], bounds.get(part[1], 0))
+            bounds |= dict.fromkeys(names, found[0])
     return bounds
 
 

@@ -197,7 +197,10 @@ def _sample(wrapper: Wrapper, values: Sequence[Any]) -> list[ca.DM]:
             missing = np.isnan(value)
             value[missing] = 0.0
         dense = ca.DM(expression(f"{where}, {key}", value, f.size_in(i))).full()
-        rounded = np.where(missing, np.nan, dense.astype(kind))
+        with np.errstate(over="ignore"):
+            rounded = np.where(missing, np.nan, dense.astype(kind))
+        if np.any(np.isinf(rounded)):
+            raise ValueError(f"{where}, {key}: expected numbers that {kind.__name__} has")
         _check_weights(wrapper, key, rounded, where)
         inputs.append(ca.project(ca.DM(rounded), f.sparsity_in(i)))
     return inputs

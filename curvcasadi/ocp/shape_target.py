@@ -10,7 +10,7 @@ import numpy as np
 from curvcasadi.beam import Beam
 from curvcasadi.expressions import Number, count, function_name, positive
 from curvcasadi.grid import Real
-from curvcasadi.ocp.sqp import TOLERANCES, Bounds, gauss_newton_sqp
+from curvcasadi.ocp.sqp import TOLERANCES, Bounds, gauss_newton_sqp, larger
 from curvcasadi.ocp.targets import (
     Regularizer,
     Residuals,
@@ -49,8 +49,8 @@ def shape_target_function(
 ) -> ca.Function:
     """`reach_shape` as one Function, that becomes self-contained C.
 
-    The unweighted targets e(q) = 0 are met by the method of multipliers: with y ← y + e, each stage
-    minimizes
+    The unweighted targets e(q) = 0, over xi² for positions and xi for attitudes, are met by the
+    method of multipliers: with y ← y + e, each stage minimizes
 
         ½ |e|² + y·e + a (½ Σ weight (|Δp|²/L² + |Δφ|²) + ½ regularization qᵀ W q)
 
@@ -96,14 +96,14 @@ def shape_target_function(
     preference = regularizer_matrix(beam, regularizer) * (regularization if weighted else 1.0)
 
     values = ca.veccat(problem.positions, problem.rotations)
-    multipliers = ca.MX.sym("multipliers", problem.to_meet.numel())
+    # An inner station moves less than the tip: as it is, its error would yield to the preference.
+    to_meet = problem.to_meet / ca.DM(problem.leverages)
+    multipliers = ca.MX.sym("multipliers", to_meet.numel())
     in_objective, in_hessian = ca.MX.sym("a"), ca.MX.sym("b")
     parameters = ca.vertcat(values, multipliers, in_objective, in_hessian)
-    objective = ca.sumsqr(problem.to_meet) / 2 + ca.dot(multipliers, problem.to_meet)
+    objective = ca.sumsqr(to_meet) / 2 + ca.dot(multipliers, to_meet)
     objective += in_objective * (ca.sumsqr(problem.weighted) + q.T @ preference @ q) / 2
-    jacobian, weighted_jacobian = (
-        ca.jacobian(part, q) for part in (problem.to_meet, problem.weighted)
-    )
+    jacobian, weighted_jacobian = (ca.jacobian(part, q) for part in (to_meet, problem.weighted))
     hessian = jacobian.T @ jacobian
     hessian += in_hessian * (weighted_jacobian.T @ weighted_jacobian + preference)
     if iterations is not None and constrained:
@@ -131,7 +131,7 @@ def shape_target_function(
 
     guess = ca.MX.sym("q_guess", beam.basis.n)
     best, y = guess, ca.MX.zeros(*multipliers.shape)
-    error = ca.Function(name + "_error", [q, values], [problem.to_meet])
+    error = ca.Function(name + "_error", [q, values], [to_meet])
     weight = None
     excess, left = [], []
     for a, b in _STAGES[beam.grid.real] if constrained else _PREFERENCE_ONLY:
@@ -152,7 +152,7 @@ def shape_target_function(
         "q": best,
         "distances": distances,
         "angles": angles,
-        "violation": ca.fmax(miss, excess[-1] / limit),
+        "violation": larger(miss, excess[-1] / limit),
         "stationarity": ca.mmax(ca.vertcat(*left[-2:])),
     }
     kept = {key: value for key, value in results.items() if value.numel()}

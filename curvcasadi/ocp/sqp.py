@@ -47,7 +47,7 @@ class Solution(NamedTuple):
     """What a solver found; the last two by its result alone, whatever it says of itself."""
 
     x: ca.MX
-    violation: ca.MX  #: largest excess over a bound or constraint
+    violation: ca.MX  #: excess over bounds and constraints, Euclidean norm
     stationarity: ca.MX  #: distance from the optimality conditions over its tolerance
 
 
@@ -58,6 +58,11 @@ class Bounds(NamedTuple):
     ubx: Number
     lbg: Number
     ubg: Number
+
+
+def larger(a: ca.MX, b: ca.MX) -> ca.MX:
+    """The larger of two numbers, and NaN if one is, which `fmax` would overlook."""
+    return (a + b + ca.fabs(a - b)) / 2
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -223,8 +228,8 @@ def _certificate(
         gain = ca.dot(left, ca.solve(curved, left, "qr"))
         errors.append(ca.sqrt(gain) / (residual_unit * tolerances.decrement))
     values = ca.vertcat(solution, values)
-    violation = ca.mmax(ca.vertcat(0, lower - values, values - upper))
-    # The Euclidean norm, as a maximum would overlook NaN.
-    stationarity = ca.norm_2(ca.vertcat(*errors))
+    excess = values - ca.fmin(ca.fmax(values, lower), upper)
+    # Euclidean norms, as a maximum would overlook NaN.
+    violation, stationarity = ca.norm_2(excess), ca.norm_2(ca.vertcat(*errors))
     at = [x] if linearized else []
     return ca.Function(name, [solution, parameters, lam_x, lam_g, *at], [violation, stationarity])

@@ -92,6 +92,7 @@ class Residuals:
     rotations: ca.MX  #: (3, 3 R) desired attitudes, targets with a rotation in order
     to_meet: ca.MX  #: errors of the unweighted targets
     tolerances: Array  #: of `to_meet`, entry by entry
+    leverages: Array  #: of curvature on `to_meet`, over that on the tip: xi² of positions, or xi
     weighted: ca.MX  #: errors of the weighted targets, times √weight
     distances: ca.MX  #: (P, 1) distances to the positions, m
     angles: ca.MX  #: (R, 1) angles to the attitudes, rad
@@ -110,25 +111,30 @@ def residuals(beam: Beam, targets: Sequence[Target], q: ca.MX) -> Residuals:
     parts: dict[str, list[AnyExpr]] = {
         "to_meet": [],
         "tolerances": [],
+        "leverages": [],
         "weighted": [],
         "distances": [],
         "angles": [],
     }
     for target in targets:
         k = stations.index(float(target.xi))
-        errors = []
+        errors, leverages = [], []
+        arm = float(target.xi) or 1.0  # nothing moves the root
         if target.position is not None:
             error = position[:, k] - next(columns)
             errors.append(error / length)
+            leverages += [arm**2] * 3
             parts["distances"].append(ca.norm_2(error))
         if target.rotation is not None:
             error = so3.log_error(rotation[:, 3 * k : 3 * k + 3], next(frames))
             errors.append(error)
+            leverages += [arm] * 3
             parts["angles"].append(ca.norm_2(error))
         if target.weight is None:
             parts["to_meet"] += errors
             tolerance = float(target.tolerance or _TOLERANCES[beam.grid.real])
             parts["tolerances"] += [tolerance] * (3 * len(errors))
+            parts["leverages"] += leverages
         else:
             parts["weighted"] += [np.sqrt(float(target.weight)) * error for error in errors]
     return Residuals(
@@ -136,6 +142,7 @@ def residuals(beam: Beam, targets: Sequence[Target], q: ca.MX) -> Residuals:
         rotations=desired_rotations,
         to_meet=_stack(parts["to_meet"]),
         tolerances=np.array(parts["tolerances"], dtype=float),
+        leverages=np.array(parts["leverages"], dtype=float),
         weighted=_stack(parts["weighted"]),
         distances=_stack(parts["distances"]),
         angles=_stack(parts["angles"]),

@@ -9,7 +9,7 @@ from curvcasadi.control_model import ControlModel
 from curvcasadi.expressions import Array, Number, count, function_name, instance, numeric, positive
 from curvcasadi.integrators import rk4_step
 from curvcasadi.lie import so3
-from curvcasadi.ocp.sqp import SHOOTING, TOLERANCES, Bounds, gauss_newton_sqp
+from curvcasadi.ocp.sqp import SHOOTING, TOLERANCES, Bounds, gauss_newton_sqp, larger
 from curvcasadi.ocp.targets import rotation_defect
 
 
@@ -59,11 +59,12 @@ def tip_path_step_function(
         Inputs: x (n, 1), p (m, 1), u_previous, positions (3, N), m, and rotations (3, 3 N), local
         to parent, at the ends of the stages, and guess (the last one's plan; zeros at first).
         Outputs: u, the input to apply now; plan, the guess for the next step, shifted by a stage;
-        states (n, N + 1); violation (1, 1): the largest excess over a bound, or of the model, over
-        1e-6 (`ControlModel.real` float: 1e-5), or error of a rotation that is none over 1e-3;
-        stationarity (1, 1): what is left of the optimality
-        conditions, of the last program for a number of iterations, over 1e-8 (float: 1e-6). At most
-        1 both, where `u` may be applied.
+        states (n, N + 1); violation (1, 1): the excess over bounds and of the model, or of a
+        squared element angle over what is allowed, relative, over 1e-6 (`ControlModel.real` float:
+        1e-5), or error of a rotation that is none over 1e-3; stationarity (1, 1): what is left of
+        the optimality conditions, of the last program for a number of iterations, over 1e-8 (float:
+        1e-6). At most 1 both, where `u` may be applied. Element angles are checked, not kept: bound
+        the weights so that they are, or the curvature.
     """
     function_name("name", name)
     instance("model", model, ControlModel)
@@ -73,6 +74,8 @@ def tip_path_step_function(
         numeric("attitude_weight", positive("attitude_weight", attitude_weight, zero=True)),
         numeric("move_weight", positive("move_weight", move_weight)),
     ]
+    if qp_solver == "qrqp":
+        _refuse_frozen(model)
     nx, nu = model.x.size, model.u.size
     step = rk4_step(model, dt)
     residual = _stage_residual(model, *np.sqrt(weights[:2]))
@@ -128,7 +131,9 @@ def tip_path_step_function(
     best, violation, stationarity = solver(guess, parameters)
     applied, states = _unpack(best, nu, nx, stages)
     shifted = ca.vertcat(best[nu + nx :], best[-(nu + nx) :])
-    violation = ca.fmax(violation / TOLERANCES[model.real].limit, rotation_defect(rotations))
+    turned = [model.angles(state) - 1 for state in states] if model.angles else []
+    violation = larger(violation, ca.mmax(ca.vertcat(0, *turned)))
+    violation = larger(violation / TOLERANCES[model.real].limit, rotation_defect(rotations))
     return ca.Function(
         name,
         [x0, p, u_previous, positions, rotations, guess],
@@ -136,6 +141,16 @@ def tip_path_step_function(
         ["x", "p", "u_previous", "positions", "rotations", "guess"],
         ["u", "plan", "states", "violation", "stationarity"],
     )
+
+
+def _refuse_frozen(model: ControlModel) -> None:
+    """`qrqp` cannot tell what holds a state that its bounds and those of its input hold."""
+    frozen = [bool(np.any(lower == upper)) for lower, upper in (model.x.bounds, model.u.bounds)]
+    if all(frozen):
+        raise ValueError(
+            "model: expected room between the bounds of every state and input, found some without: "
+            "leave frozen weights out of the basis, or take qp_solver='qpoases'"
+        )
 
 
 def _at_rest(model: ControlModel, stages: int) -> ca.DM:

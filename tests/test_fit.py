@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, kstest, norm
 
 import curvcasadi as cc
+from curvcasadi.estimation.gauss_newton import UNDEFINED, Linearization, minimize
 from curvcasadi.reference_wings import RIGHT_WING_ROOT, hale_wing
 
 WING = hale_wing(2, 2, 2)
@@ -437,6 +438,29 @@ def test_a_prior_of_one_weight_is_a_covariance_where_it_is_a_matrix():
     assert_allclose(placed.prior_weight_deviations, 0.1, rtol=1e-12)
 
 
+def test_steps_do_not_lead_to_where_there_is_no_residual():
+    """log q = 0 from 3, where the Gauss–Newton step is −3 log 3 < −3."""
+
+    def linearize(q):
+        if q[0] <= 0:
+            return UNDEFINED
+        residual = np.log(q)
+        return Linearization(float(residual @ residual) / 2, residual, 1 / q[:, None], np.eye(1))
+
+    free = (np.full(1, -np.inf), np.full(1, np.inf))
+    found = minimize(linearize, np.array([3.0]), free, length=0.1)
+    assert found.converged
+    assert_allclose(found.q, 1, atol=1e-6)
+    assert not minimize(linearize, np.array([-3.0]), free, length=0.1).converged
+
+
+def test_a_missing_bearing_of_what_is_not_in_view_is_as_no_camera():
+    both = cc.fit_shape(WING, [*ATTITUDES, BLIND], [*EXACT, np.nan, np.nan])
+    assert_allclose(both.q, cc.fit_shape(WING, ATTITUDES, EXACT).q, atol=1e-9)
+
+
+#: Looks up from 10 m above the root.
+BLIND = cc.Camera(xi=0.0, noise=1e-3, pose=cc.Pose(rotation=np.eye(3), position=[0, 0, 10]))
 EXACT = readings(ATTITUDES, BENT)
 MISTAKES = {
     "no beam": (lambda: cc.fit_shape(None, ATTITUDES, EXACT), "beam: expected a Beam"),
@@ -505,6 +529,19 @@ MISTAKES = {
     "symbolic beam": (
         lambda: cc.fit_shape(replace(WING, length=ca.SX.sym("L")), ATTITUDES, EXACT),
         "Beam.length: sensors of a numeric beam expected",
+    ),
+    "camera that looks away": (
+        lambda: cc.fit_shape(WING, [ATTITUDES[0], BLIND], [*EXACT[:9], 0.1, 0.1]),
+        r"camera_1: expected the point before the camera, .* found it at \(.*, -10\) m where the "
+        "fit starts",
+    ),
+    "camera that looks away from a shape": (
+        lambda: cc.information_matrix(WING, [BLIND], np.zeros((2, 6))),
+        r"camera_1: expected the point before the camera, .* -10\) m with shapes\[0\]",
+    ),
+    "camera that looks away from a candidate": (
+        lambda: cc.place_sensors(WING, [*ATTITUDES, BLIND], 1, shapes=np.zeros(6), prior=0.1),
+        "camera_1: expected the point before the camera",
     ),
     "guess of the wrong size": (
         lambda: cc.fit_shape(WING, ATTITUDES, EXACT, q_guess=np.zeros(5)),

@@ -558,6 +558,7 @@ def test_fields_that_cannot_be_are_refused(make, message):
         ([ACCELEROMETER], {"root": None}, r"RootMotion\.gravity: .*accelerometer_1; found None"),
         ([MAGNETOMETER], {"root": None}, r"RootMotion\.magnetic_field: .*magnetometer_1"),
         ([GYRO], {"root": ROOT}, r"root: expected a RootMotion"),
+        ([replace(VIEW, pose=ROOT)], {}, r"camera_1: expected the point before the camera, z > 0"),
         ([replace(GYRO, name="a")] * 2, {}, r"sensors: expected different names"),
         ([replace(GYRO, offset=ca.MX.sym("r", 3))], {"q": ca.SX.sym("q", 12)}, r"gyro_1\.offset"),
         ([GYRO], {"q": np.ones(12)}, r"q: expected every element to turn at most"),

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 from curvcasadi.beam import Beam, numeric_length
 from curvcasadi.chain import checked_weights
 from curvcasadi.errors import ConvergenceError
-from curvcasadi.estimation.gauss_newton import Linearization, Minimum, minimize
+from curvcasadi.estimation.gauss_newton import UNDEFINED, Linearization, Minimum, minimize
 from curvcasadi.estimation.observability import Observability, observability
 from curvcasadi.estimation.robust import SCALES, Loss, LossName
 from curvcasadi.estimation.samples import numeric_array
@@ -26,6 +26,7 @@ from curvcasadi.estimation.sensor_model import (
 from curvcasadi.estimation.shape_fit import ShapeFit, fit_message
 from curvcasadi.expressions import AnyExpr, Array, Number, choice, instance, numeric, positive
 from curvcasadi.sensors import RootMotion, Sensor
+from curvcasadi.sensors.measurement import check_in_view
 
 #: Probability of the residual below which other starts are tried.
 _SUSPECT = 1e-6
@@ -79,7 +80,8 @@ def fit_shape(
         If no start converges, or the best fit bends an element beyond `Grid.max_angle`; its
         `result` is the best fit.
     ValueError
-        For arguments of the wrong shape, kind or range, and if all samples are missing.
+        For arguments of the wrong shape, kind or range, if all samples are missing, and if a camera
+        does not see its point where the fit starts.
     """
     choice("loss", loss, get_args(LossName))
     if loss == "squared" and loss_scale is not None:
@@ -107,6 +109,7 @@ def fit_shape(
     start = np.zeros(n) if problem.prior is None else problem.prior[0]
     if q_guess is not None:
         start = numeric_array("q_guess", q_guess, (n, 1)).ravel()
+    problem.check_start(np.clip(start, *beam.bounds))
     best, iterations = _best(problem, start)
     result = _result(problem, best, iterations)
     if throw and not result.converged:
@@ -147,6 +150,13 @@ class _Problem:
         self._rates = rates
         self._noise = model.channels.noise
 
+    def check_start(self, q: Array) -> None:
+        """ValueError unless cameras that have a sample see their points."""
+        names = [part.name for part in self.model.channels.layout.parts]
+        there = [names[i] for i in np.unique(self.groups)]
+        where = " where the fit starts: give it a q_guess from which the camera sees it"
+        check_in_view(self.model.sensors, self.beam, q, where, there)
+
     def residual(self, q: Array) -> tuple[Array, Array]:
         """Residual and slope of the samples that are there, over the noise."""
         residual, slope = self.model.evaluate({"q": q, **self._rates}, self.measured)
@@ -175,6 +185,8 @@ class _Problem:
         """
         residual, slope = self.residual(q)
         prior_residual, prior_slope = self.prior_rows(q)
+        if np.isnan(residual).any():  # out of a camera's view, where no step should lead
+            return UNDEFINED
         counts, sizes = self.sizes(residual)
         seen = self.observability(np.vstack([slope, prior_slope])).seen
 

@@ -33,6 +33,10 @@ class Linearization:
     seen: Array  #: orthonormal columns (n, rank) that steps are taken in
 
 
+#: Where there is no residual.
+UNDEFINED = Linearization(np.inf, np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)))
+
+
 @dataclass(frozen=True, eq=False)
 class Minimum:
     """Where the iteration ended."""
@@ -56,6 +60,8 @@ def minimize(
     """
     q = np.clip(start, *bounds)
     at, damping = linearize(q), 0.0
+    if at is UNDEFINED:
+        return Minimum(q, at.cost, False, 0)
     for iteration in range(_ITERATIONS):
         step = _step(at, (bounds[0] - q, bounds[1] - q), damping)
         bend = length * np.max(np.abs(step))

@@ -15,6 +15,7 @@ from curvcasadi.estimation.sensor_model import SensorModel, sensor_model
 from curvcasadi.expressions import AnyExpr, Array, Number, instance, numbers, numeric, station
 from curvcasadi.kinematics import body_jacobian_of, jacobian_states
 from curvcasadi.sensors import RootMotion, Sensor
+from curvcasadi.sensors.measurement import check_in_view
 
 #: What may be unknown.
 UNKNOWNS = ("q", "q_dot")
@@ -93,6 +94,8 @@ def information_problem(
                 f"found {len(found['q_dot'])}"
             )
     model = sensor_model(beam, sensors, tuple(found), names, root)
+    for i, q in enumerate(found["q"]):
+        check_in_view(model.sensors, beam, q, f" with shapes[{i}]")
     rows = zip(*found.values(), strict=True)
     return model, [dict(zip(found, row, strict=True)) for row in rows]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -20,11 +20,14 @@ from curvcasadi.expressions import (
     same_kind,
 )
 from curvcasadi.functions import function
+from curvcasadi.pose import Pose
 from curvcasadi.sensors import station_functions
-from curvcasadi.sensors.channels import Channels, checked_sensors
-from curvcasadi.sensors.descriptions import Sensor
+from curvcasadi.sensors.channels import Channels, checked_sensors, sensor_channels
+from curvcasadi.sensors.descriptions import Camera, Sensor
+from curvcasadi.sensors.readings import WIDEST
 from curvcasadi.sensors.readout import Readout
 from curvcasadi.sensors.root_motion import ROOT_INPUTS, RootMotion, numeric_root
+from curvcasadi.shape import poses
 
 RATES = ("q", "q_dot", "q_ddot")
 #: What a measurement varies with: columns of the derivatives. That of an attitude is on the right.
@@ -76,7 +79,8 @@ def measure(
     Raises
     ------
     ValueError
-        As `shape_map`; and if something that a sensor reads is missing.
+        As `shape_map`; if something that a sensor reads is missing; and, of numbers, if a camera
+        does not see its point.
     """
     readout = Readout.of(sensors, beam, q, q_dot, q_ddot, root)
     if readout.order and q_dot is None:
@@ -84,7 +88,33 @@ def measure(
             f"q_dot: expected shape {(beam.basis.n, 1)} for gyros and accelerometers, found None; "
             "zeros are a wing at rest"
         )
-    return Measurement(readout.kind(readout.values()), readout.channels)
+    values = readout.kind(readout.values())
+    if readout.kind is ca.DM and not values.is_regular():
+        check_in_view(sensors, beam, q)
+    return Measurement(values, readout.channels)
+
+
+def check_in_view(
+    sensors: Sequence[Sensor], beam: Beam, q: AnyExpr, at: str = "", names: Collection[str] = ()
+) -> None:
+    """ValueError that names a camera which does not see its point at the numbers `q`.
+
+    Parameters
+    ----------
+    at : which q, in words
+    names : of the sensors that matter; all where there are none
+    """
+    for part, camera in zip(sensor_channels(sensors).layout.parts, sensors, strict=True):
+        if not isinstance(camera, Camera) or (names and part.name not in names):
+            continue
+        (local,) = poses(beam, ca.DM(q), [camera.xi])
+        offset = Pose(rotation=ca.DM.eye(3), position=camera.offset)
+        x, y, z = (camera.pose.inverse() @ local @ offset).position.full().ravel()
+        if not (z > 0 and np.hypot(x, y) < WIDEST * z):
+            raise ValueError(
+                f"{part.name}: expected the point before the camera, z > 0 and "
+                f"|(x, y)| < {WIDEST:g} z in camera axes; found it at ({x:g}, {y:g}, {z:g}) m{at}"
+            )
 
 
 def measurement_residual(

@@ -52,7 +52,7 @@ class Mount(NamedTuple):
 
 #: What no camera sees lies further from its optical axis: tangent of the angle, 89.94°. A bearing
 #: is no number from there on to behind the camera.
-_WIDEST = 1e3
+WIDEST = 1e3
 
 Value: TypeAlias = Callable[[StationMotion, Frames, Mount], Any]
 #: Derivatives by the name of what is varied; of an attitude, its variation on the right.
@@ -170,7 +170,7 @@ def _in_camera(at: StationMotion, frames: Frames, mount: Mount) -> Any:
 def in_view(at: StationMotion, frames: Frames, mount: Mount) -> Any:
     """1 if a camera sees the point, z > 0 and |(x, y)| < 1e3 z, else 0."""
     point = _in_camera(at, frames, mount)
-    return (point[2] > 0) * (ca.sumsqr(point[:2]) < (_WIDEST * point[2]) ** 2)
+    return (point[2] > 0) * (ca.sumsqr(point[:2]) < (WIDEST * point[2]) ** 2)
 
 
 def _camera(at: StationMotion, frames: Frames, mount: Mount) -> Any:

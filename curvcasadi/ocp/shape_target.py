@@ -63,6 +63,9 @@ def shape_target_function(
     Parameters
     ----------
     targets : stations and kinds; their numbers arrive as inputs
+    regularization : where every target is weighted. Gauss–Newton converges slowly where residuals
+        stay: for targets that may be out of reach take 1e-4, and 1e-3 with `iterations`, whose full
+        steps wander with less
     iterations : None to converge; k for k quadratic programs with full steps, from the last
         solution as guess, where every target is weighted
     max_iter : of one stage; there are six of them (with `Grid(real="float")` three), or one

@@ -379,10 +379,31 @@ def test_wrong_samples_and_starts_are_named(beam):
         (start._replace(state=np.full(3, np.nan)), r"start\.state: expected finite numbers"),
         (start._replace(factor=np.full((3, 3), np.inf)), r"start\.factor: expected finite numbers"),
         (start._replace(time=np.nan), r"start\.time: expected finite numbers, found nan"),
+        (start._replace(factor=np.diag([1, 0, 1])), r"start\.factor\[1, 1\]: .* above zero, .* 0"),
+        (
+            start._replace(factor=np.diag([1, 1, -1])),
+            r"start\.factor\[2, 2\]: .* zero, .* found -1",
+        ),
+        (start._replace(factor=np.tri(3)), r"start\.factor\[1, 0\]: .*upper triangular.*found 1"),
         ((0.0, np.zeros(3), np.eye(3)), r"start: expected an Estimate, found \(0\.0"),
     ):
         with pytest.raises(ValueError, match=message):
             next(cc.run_ekf(ekf, other, [(0.0, good, known)]))
+    with pytest.raises(ValueError, match="samples: expected a sequence of samples, found None"):
+        next(cc.run_ekf(ekf, start, None))
+    for other in (None, start):
+        with pytest.raises(ValueError, match=r"ekf: expected a ShapeEkf, found"):
+            next(cc.run_ekf(other, start, [(0.0, good, known)]))
+
+
+def test_a_start_lies_within_the_bounds_of_the_wing(beam):
+    options = {"process": "random_walk", "density": 0.1}
+    bounded = cc.shape_ekf(replace(beam, weight_bounds=0.5), [ATTITUDE], **options)
+    bounded.initial({"q": 0.1}, {"q": [0, 0.5, 0]})
+    with pytest.raises(ValueError, match=r"mean\['q'\]\[1\] .*weight_bounds \[-0\.5, 0\.5\] rad/m"):
+        bounded.initial({"q": 0.1}, {"q": [0, 0.6, 0]})
+    with pytest.raises(ValueError, match=r"mean\['q'\]: expected every element to turn at most"):
+        cc.shape_ekf(beam, [ATTITUDE], **options).initial({"q": 0.1}, {"q": [5, 5, 5]})
 
 
 def test_symbols_where_a_run_needs_numbers_are_named(beam, symbolic):

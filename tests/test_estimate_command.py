@@ -366,6 +366,11 @@ def test_an_attitude_that_is_no_rotation_is_refused(tmp_path, capsys):
         ("q = 0.3", "q_dot = 1\nq = 1", "[estimation] deviation: expected "),
         ("q = 0.3", "r = 1", "[estimation.deviation] r: expected one of the keys q,"),
         ("q = 0.3", "q = 0", "[estimation] deviation['q']: expected "),
+        (
+            "q = 0.3",
+            "q = 0.3\n[estimation.mean]\nq = [0, 0.9]",
+            "[estimation] mean['q'][1] (out_of_plane 1): expected within Beam.weight_bounds [-0.8,",
+        ),
     ],
 )
 def test_a_wrong_wing_file_is_refused(tmp_path, wing, log, capsys, old, new, message):

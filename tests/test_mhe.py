@@ -750,6 +750,7 @@ def test_wrong_samples_and_starts_are_refused():
         ({"q": -1}, None, r"deviation\['q'\]: expected standard deviations above zero"),
         ({"q": 1, "p": 1}, None, r"deviation: expected one of 'q'; found 'p'"),
         ({"q": 1}, {"q": [1]}, r"mean\['q'\]: expected shape \(5, 1\)"),
+        ({"q": 1}, {"q": [9] * N}, r"mean\['q'\]: expected every element to turn at most"),
         ({"q": 1}, {"p": 1}, r"mean: expected one of 'q'; found 'p'"),
         ({"q": ca.SX.sym("s")}, None, r"deviation\['q'\]: expected numbers, found the symbol s"),
         ({"q": 1}, {"q": ca.MX.sym("m", N)}, r"mean\['q'\]: expected numbers, found the symbol m"),
@@ -772,8 +773,14 @@ def test_starts_of_another_estimator_are_refused(process):
         ({"arrival_factor": np.full((size, size), np.inf)}, r"start\.arrival_factor: expected fin"),
         ({"guess": np.full_like(start.guess, np.nan)}, r"start\.guess: expected finite numbers"),
         ({"time": np.nan}, r"start\.time: expected finite numbers, found nan"),
+        ({"arrival_factor": 0 * start.arrival_factor}, r"start\.arrival_factor\[0, 0\]: .* zero"),
+        ({"arrival_factor": np.tri(size)}, r"start\.arrival_factor\[1, 0\]: .*upper triangular"),
     ):
         with pytest.raises(ValueError, match=message):
             next(cc.run_mhe(mhe, start._replace(**other), [np.zeros(7)]))
     with pytest.raises(ValueError, match="start: expected a WindowEstimate, found None"):
         next(cc.run_mhe(mhe, None, [np.zeros(7)]))
+    with pytest.raises(ValueError, match="samples: expected a sequence of samples, found None"):
+        next(cc.run_mhe(mhe, start, None))
+    with pytest.raises(ValueError, match="mhe: expected a ShapeMhe, found None"):
+        next(cc.run_mhe(None, start, [np.zeros(7)]))

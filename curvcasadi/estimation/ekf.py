@@ -98,10 +98,10 @@ class ShapeEkf:
         deviation : for every part of the error state its standard deviation, one number or one per
             entry; or a symmetric, positive definite covariance matrix of the part
         mean : of parts of the state; zero, and the identity attitude, where not given; the attitude
-            is a rotation matrix (3, 3)
+            is a rotation matrix (3, 3). Weights lie within `Beam.weight_bounds`
         time : s
         """
-        state, factor = initial_belief(self.layout, self.error_layout, deviation, mean)
+        state, factor = initial_belief(self.beam, self.layout, self.error_layout, deviation, mean)
         return Estimate(numeric_array("time", time, (1, 1)).item(), state, factor)
 
     @property

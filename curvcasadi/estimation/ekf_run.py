@@ -14,8 +14,10 @@ from curvcasadi.estimation.samples import (
     missing_residuals,
     numeric_array,
     sample_values,
+    sequence,
 )
 from curvcasadi.estimation.start import check_start
+from curvcasadi.expressions import instance
 
 
 def run_ekf(
@@ -33,9 +35,10 @@ def run_ekf(
     Raises
     ------
     ValueError
-        If a time is before the one that precedes it, or if the start, samples or inputs are not
-        finite numbers of the sizes that the filter has.
+        If a time is before the one that precedes it, if the start, samples or inputs are not
+        finite numbers of the sizes that the filter has, or the start's factor is none.
     """
+    instance("ekf", ekf, ShapeEkf)
     check_start(
         start,
         Estimate,
@@ -45,9 +48,10 @@ def run_ekf(
             "state": (ekf.layout.size,),
             "factor": (ekf.error_layout.size, ekf.error_layout.size),
         },
+        "factor",
     )
     at = start
-    for k, sample in enumerate(samples):
+    for k, sample in enumerate(sequence("samples", samples)):
         where = f"samples[{k}]"
         if not isinstance(sample, (tuple, list)) or len(sample) not in (2, 3):
             raise ValueError(

@@ -100,10 +100,10 @@ class ShapeMhe:
         ----------
         deviation : for every part of the state its standard deviation, one number or one per entry;
             or a symmetric, positive definite covariance matrix of the part
-        mean : of parts of the state; zero where not given
+        mean : of parts of the state, weights within `Beam.weight_bounds`; zero where not given
         time : of the first sample, s
         """
-        state, factor = initial_belief(self.layout, self.layout, deviation, mean)
+        state, factor = initial_belief(self.beam, self.layout, self.layout, deviation, mean)
         column = np.concatenate([state, np.zeros(self.node.size - state.size)])
         return WindowEstimate(
             time=numeric_array("time", time, (1, 1)).item(),

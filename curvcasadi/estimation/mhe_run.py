@@ -9,9 +9,14 @@ from typing import Any
 import numpy as np
 
 from curvcasadi.estimation.mhe import ShapeMhe, WindowEstimate
-from curvcasadi.estimation.samples import input_values, missing_residuals, sample_values
+from curvcasadi.estimation.samples import (
+    input_values,
+    missing_residuals,
+    sample_values,
+    sequence,
+)
 from curvcasadi.estimation.start import check_start
-from curvcasadi.expressions import Array
+from curvcasadi.expressions import Array, instance
 from curvcasadi.sensors.root_motion import ROOT_INPUTS
 
 
@@ -30,9 +35,9 @@ def run_mhe(
     ------
     ValueError
         If the start, samples or root inputs are not finite numbers of the sizes that the estimator
-        has.
+        has, or the start's factor is none.
     """
-    size = mhe.layout.size
+    size = instance("mhe", mhe, ShapeMhe).layout.size
     check_start(
         start,
         WindowEstimate,
@@ -43,13 +48,14 @@ def run_mhe(
             "arrival_factor": (size, size),
             "guess": (mhe.node.size, mhe.window + 1),
         },
+        "arrival_factor",
     )
     at = start
     nodes = mhe.window + 1
     columns: deque[Array] = deque(maxlen=nodes)
     motions: deque[dict[str, Array]] = deque(maxlen=nodes)
     shapes = {key: ROOT_INPUTS[key] for key in mhe.step.name_in()[4:]}
-    for k, sample in enumerate(samples):
+    for k, sample in enumerate(sequence("samples", samples)):
         where = f"samples[{k}]"
         if isinstance(sample, tuple) and len(sample) != 2:
             raise ValueError(f"{where}: expected measured or (measured, inputs), found {sample!r}")

@@ -92,6 +92,13 @@ def missing_residuals(channels: Channels, values: Array) -> NDArray[np.bool_]:
     return np.concatenate(found)
 
 
+def sequence(name: str, samples: Any) -> Any:
+    """`samples`, which are many."""
+    if not np.iterable(samples):
+        raise ValueError(f"{name}: expected a sequence of samples, found {samples!r}")
+    return samples
+
+
 def sample_values(where: str, measured: Any, size: int) -> Array:
     """`measured` as a new array (size,) of numbers that are finite, or NaN where missing."""
     values: Array = numbers_or_nan(where, measured).ravel(order="F")

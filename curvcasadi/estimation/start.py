@@ -8,6 +8,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from curvcasadi.beam import Beam
+from curvcasadi.chain import checked_weights
 from curvcasadi.estimation import ud
 from curvcasadi.estimation.process import offsets
 from curvcasadi.estimation.samples import numeric_array
@@ -17,6 +19,7 @@ from curvcasadi.layout import Layout
 
 
 def initial_belief(
+    beam: Beam,
     state: Layout,
     error: Layout,
     deviation: Mapping[str, Number],
@@ -27,12 +30,14 @@ def initial_belief(
     Parameters
     ----------
     deviation : by name of every part of `error`, what `covariance_matrix` takes
-    mean : by name of parts of `state`; zero, and the identity attitude, where not given
+    mean : by name of parts of `state`; zero, and the identity attitude, where not given; of the
+        weights within the bounds of the beam
 
     Raises
     ------
     ValueError
-        If a part is unknown, has no deviation, or has values of another shape.
+        If a part is unknown, has no deviation, has values of another shape, or weights are beyond
+        what `shape_map` takes.
     """
     means = {} if mean is None else mean
     _check_names("mean", means, state)
@@ -44,8 +49,9 @@ def initial_belief(
     for name, where in offsets(error).items():
         size = where.stop - where.start
         covariance[where, where] = covariance_matrix(f"deviation[{name!r}]", deviation[name], size)
-    parts = [_mean(part.name, part.size, means) for part in state.parts]
-    return np.concatenate(parts), ud.factor_of(covariance)
+    found = np.concatenate([_mean(part.name, part.size, means) for part in state.parts])
+    checked_weights(beam, ca.DM(found[offsets(state)["q"]]), "mean['q']")
+    return found, ud.factor_of(covariance)
 
 
 def _mean(name: str, size: int, means: Mapping[str, Number]) -> Array:
@@ -63,12 +69,15 @@ def _check_names(argument: str, given: Mapping[str, Number], layout: Layout) -> 
         choice(argument, name, [part.name for part in layout.parts])
 
 
-def check_start(start: Any, kind: type, what: str, shapes: Mapping[str, tuple[int, ...]]) -> None:
+def check_start(
+    start: Any, kind: type, what: str, shapes: Mapping[str, tuple[int, ...]], factor: str
+) -> None:
     """ValueError unless `start` is a `kind` whose fields have these shapes and finite numbers.
 
     Parameters
     ----------
     what : that it is an estimate of, in words
+    factor : the field that holds a factor U D Uᵀ
     """
     instance("start", start, kind)
     for name, shape in shapes.items():
@@ -79,3 +88,14 @@ def check_start(start: Any, kind: type, what: str, shapes: Mapping[str, tuple[in
                 f"found {found}"
             )
         numbers(f"start.{name}", getattr(start, name))
+    values = np.asarray(getattr(start, factor))
+    for i, j in np.argwhere(np.tril(values, -1)):
+        raise ValueError(
+            f"start.{factor}[{i}, {j}]: expected an upper triangular matrix, 0 below its diagonal, "
+            f"found {values[i, j]:g}"
+        )
+    for i in np.flatnonzero(np.diag(values) <= 0):
+        raise ValueError(
+            f"start.{factor}[{i}, {i}]: expected a number above zero, as D of U D Uᵀ, found "
+            f"{values[i, i]:g}"
+        )

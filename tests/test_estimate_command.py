@@ -369,7 +369,7 @@ def test_an_attitude_that_is_no_rotation_is_refused(tmp_path, capsys):
         (
             "q = 0.3",
             "q = 0.3\n[estimation.mean]\nq = [0, 0.9]",
-            "[estimation] mean['q'][1] (out_of_plane 1): expected within Beam.weight_bounds [-0.8,",
+            "[estimation] mean['q'][1] (out_of_plane: Legendre 1): expected within Beam.weight_bounds [-0.8,",
         ),
     ],
 )

@@ -187,6 +187,15 @@ def test_a_residual_of_an_attitude_is_a_rotation_vector(beam):
     assert_allclose(got.full()[:, 0], error, atol=1e-13)  # rounding
 
 
+@pytest.mark.parametrize("scale", [-1, 0, 2, 1.02])
+def test_a_residual_of_what_is_no_attitude_is_refused(beam, scale):
+    measured = scale * np.eye(3).ravel()
+    with pytest.raises(ValueError, match="measured of attitude_1: expected a rotation matrix"):
+        cc.measurement_residual([ATTITUDE], beam, measured, CURLED_WEIGHTS)
+    near = cc.measurement_residual([ATTITUDE], beam, 1.001 * np.eye(3).ravel(), CURLED_WEIGHTS)
+    assert np.isfinite(near.full()).all()
+
+
 def test_a_magnetometer_reads_the_field_in_its_axes(beam):
     to_inertial = sensor_pose(beam, 0.2, 0.0)[:3, :3] @ MOUNT["mounting"]
     expected = to_inertial.T @ FIELD + MOUNT["bias"]

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from curvcasadi.estimation.process import offsets
 from curvcasadi.expressions import (
-    AnyExpr,
     Array,
     Number,
     expression,
@@ -20,12 +19,10 @@ from curvcasadi.expressions import (
     rotation_matrix,
 )
 from curvcasadi.sensors import AttitudeSensor, Channels, Sensor, sensor_channels
+from curvcasadi.sensors.station_functions import is_rotation
 
 #: In place of an attitude that is missing: the identity by columns, whose logarithm is finite.
 _ATTITUDE = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-
-#: From a rotation: what a sensor in single precision never is, and a dead one always.
-_FAR = 1e-2
 
 
 def samples_function(sensors: Sequence[Sensor]) -> ca.Function:
@@ -68,16 +65,6 @@ def attitudes_function(sensors: Sequence[Sensor]) -> ca.Function:
         wrong = isinstance(sensor, AttitudeSensor)
         samples.append(values + ca.sqrt(is_rotation(values) - 1) if wrong else values)
     return ca.Function("attitudes", [measured], [ca.vertcat(*samples)], {"cse": True})
-
-
-def is_rotation(values: AnyExpr) -> AnyExpr:
-    """1 if `values`, columns c1, c2, c3 of a matrix stacked (9, 1), are a rotation to 1e-2, else 0.
-
-    |(c1·c1 − 1, c2·c2 − 1, c1·c2, c1 × c2 − c3)| ≤ 1e-2, which no NaN fulfils.
-    """
-    c1, c2, c3 = ca.vertsplit(values, 3)
-    lengths = (ca.sumsqr(c1) - 1, ca.sumsqr(c2) - 1, ca.dot(c1, c2))
-    return ca.sumsqr(ca.vertcat(*lengths, ca.cross(c1, c2) - c3)) <= _FAR**2
 
 
 def missing_residuals(channels: Channels, values: Array) -> NDArray[np.bool_]:

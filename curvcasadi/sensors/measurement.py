@@ -17,13 +17,14 @@ from curvcasadi.expressions import (
     expression,
     function_name,
     instance,
+    is_numeric,
     same_kind,
 )
 from curvcasadi.functions import function
 from curvcasadi.pose import Pose
 from curvcasadi.sensors import station_functions
 from curvcasadi.sensors.channels import Channels, checked_sensors, sensor_channels
-from curvcasadi.sensors.descriptions import Camera, Sensor
+from curvcasadi.sensors.descriptions import AttitudeSensor, Camera, Sensor
 from curvcasadi.sensors.readings import WIDEST
 from curvcasadi.sensors.readout import Readout
 from curvcasadi.sensors.root_motion import ROOT_INPUTS, RootMotion, numeric_root
@@ -131,17 +132,34 @@ def measurement_residual(
     Parameters
     ----------
     measured : (m, 1), rows as in `measure`; the others as there
+
+    Raises
+    ------
+    ValueError
+        As `measure`; and for numbers in place of an attitude that are no rotation to 1e-2.
     """
     predicted = measure(sensors, beam, q, q_dot, q_ddot, root)
     layout = predicted.channels.layout
     measured = expression("measured", measured, (layout.size, 1))
     same_kind(measured=measured, values=predicted.values)
     found, given = layout.split(predicted.values), layout.split(measured)
+    for sensor, part in zip(sensors, layout.parts, strict=True):
+        if isinstance(sensor, AttitudeSensor) and is_numeric(given[part.name]):
+            check_rotation(f"measured of {part.name}", given[part.name])
     rows = [
         station_functions.residual(type(sensor), found[part.name], given[part.name])
         for sensor, part in zip(sensors, layout.parts, strict=True)
     ]
     return ca.vertcat(*rows)
+
+
+def check_rotation(name: str, values: ca.DM) -> None:
+    """ValueError unless `values` (9, 1) are the columns of a rotation to 1e-2, by `is_rotation`."""
+    if not float(station_functions.is_rotation(values)):
+        raise ValueError(
+            f"{name}: expected a rotation matrix by columns, to "
+            f"{station_functions.FAR_FROM_ROTATION:g}; found {values.full().ravel().tolist()}"
+        )
 
 
 def measurement_function(

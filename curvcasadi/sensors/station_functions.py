@@ -20,6 +20,10 @@ _MOUNT = {"offset": (3, 1), "mounting": (3, 3), "pose": (3, 4)}
 _FRAMES = (9, 3, 9, 3, 6, 3)
 
 
+#: From a rotation: what a sensor in single precision never is, and a dead one always.
+FAR_FROM_ROTATION = 1e-2
+
+
 def mount_fields(sensor: Sensor) -> dict[str, AnyExpr]:
     """Fields of `sensor` that may be symbols, by name; a pose as (R, p), (3, 4)."""
     found = {}
@@ -166,6 +170,16 @@ def residual(kind: Any, value: AnyExpr, measured: AnyExpr) -> AnyExpr:
         return value - measured
     predicted: Any = ca.reshape(value, 3, 3)
     return so3.log_error(predicted, ca.reshape(measured, 3, 3))
+
+
+def is_rotation(values: AnyExpr) -> AnyExpr:
+    """1 if `values`, columns c1, c2, c3 of a matrix stacked (9, 1), are a rotation to 1e-2, else 0.
+
+    |(c1·c1 − 1, c2·c2 − 1, c1·c2, c1 × c2 − c3)| ≤ 1e-2, which no NaN fulfils.
+    """
+    c1, c2, c3 = ca.vertsplit(values, 3)
+    lengths = (ca.sumsqr(c1) - 1, ca.sumsqr(c2) - 1, ca.dot(c1, c2))
+    return ca.sumsqr(ca.vertcat(*lengths, ca.cross(c1, c2) - c3)) <= FAR_FROM_ROTATION**2
 
 
 def _unpack_frames(vector: ca.SX) -> Frames:

@@ -124,11 +124,13 @@ def run(arguments: argparse.Namespace) -> int:
     print(summary(estimation.tally, estimation.count, estimation.time - first.time))
     if estimation.outside:
         print(
-            f"weights are outside weight_bounds in {estimation.outside} samples: estimates are "
-            "wrong there, or bounds too narrow"
+            f"weights are outside weight_bounds in {estimation.outside} samples, first "
+            f"{estimation.left}: estimates are wrong there, or bounds too narrow"
         )
     print(f"\n{estimation.count / seconds:.0f} samples a second")
     print(f"wrote {arguments.out}")
+    if not estimation.tally.seen.any():
+        warnings.append(f"{arguments.log}: no cell has a sample; estimates are a prediction")
     if arguments.plot:
         _plot(arguments.plot, wing.beam, estimation.history.series)
         print(f"wrote {arguments.plot}")
@@ -233,6 +235,7 @@ class _Estimation:
     ) -> None:
         self.time = first.time
         self.count = self.outside = 0
+        self.left = ""  #: where weights were first outside their bounds, in words
         self.history = History(columns, MOST_SAMPLES)
         self._log, self._wing, self._stepper = arguments.log, wing, stepper
         self.tally = Tally.of(wing.ekf.channels)
@@ -255,14 +258,19 @@ class _Estimation:
         stepper.inputs["dt"][:] = row.time - self.time
         stepper.step()
         if not np.isfinite(stepper.shown).all():
+            since = f"; weights left weight_bounds {self.left}" if self.outside else ""
             raise ValueError(
                 f"{self._log}: line {row.line}: expected an estimate, found one that is no "
-                "number: check the units of the log, time in s, and noise, density and deviation"
+                f"number{since}: check the units of the log, time in s, and noise, density and "
+                "deviation"
             )
+        q = stepper.shown[: self._lower.size]
+        if (q < self._lower).any() or (q > self._upper).any():
+            if not self.outside:
+                self.left = f"in line {row.line}, {row.time - self.time:g} s after the one before"
+            self.outside += 1
         self.time = row.time
         self.count += 1
-        q = stepper.shown[: self._lower.size]
-        self.outside += bool((q < self._lower).any() or (q > self._upper).any())
         self.tally.add(values, stepper.innovation, stepper.used)
         self.history.add(row.time, stepper.shown)
         return f"{row.time!r},{self._form % (*stepper.shown,)}"
@@ -272,11 +280,15 @@ class _Estimation:
         if np.isnan(matrix).any():
             return
         error = np.abs(matrix @ matrix.T - np.eye(3)).max()
-        if error > ROTATION_TOLERANCE or np.linalg.det(matrix) < 0:
+        fault = "a reflection" if np.linalg.det(matrix) < 0 else ""
+        if error > ROTATION_TOLERANCE:
+            fault = f"entries up to {error:.2g}"
+        if fault:
             names = [*self._wing.columns.inputs, *self._wing.columns.values][where]
             raise ValueError(
                 f"{self._log}: line {row.line}, columns {names[0]} to {names[-1]}: expected a "
-                f"rotation matrix by columns, found {entries.tolist()}"
+                "rotation matrix R by columns, entries of RᵀR − I up to "
+                f"{ROTATION_TOLERANCE:g}, found {fault}: {entries.tolist()}"
             )
 
     def _know(self, row: LogRow, given: Array) -> None:

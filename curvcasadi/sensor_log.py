@@ -125,12 +125,12 @@ def _cut(log: _Log, raw: bytes) -> str:
         return "expected a line end, found none"
     if not raw.strip():
         return ""
-    commas, last = raw.count(b","), raw[raw.rfind(b",") + 1 :].strip()
+    commas, last = raw.count(b","), raw[raw.rfind(b",") + 1 :].strip().decode("latin-1")
     if commas + 1 < len(log.header):
         return f"expected {len(log.header)} cells, found {commas + 1}"
-    beginning = b"nan".startswith(last.lower()) or _is_number(last + b"0")
+    beginning = "nan".startswith(last.lower()) or _is_number(last + "0")
     if last and beginning and not _is_number(last):
-        return f"expected a number at the end, found {last.decode()!r}"
+        return f"expected a number at the end, found {last!r}"
     return ""
 
 
@@ -160,7 +160,10 @@ def _numbers(log: _Log, line: int, text: str) -> list[float]:
         raise log.error(line, f"expected {len(log.header)} cells, as in line 1, found {len(cells)}")
     try:
         numbers = [float(cells[k]) for k in log.order]
+        plain = _is_plain(text)
     except ValueError:
+        plain = False
+    if not plain:
         numbers = [_number(log, line, k, cells[k].strip()) for k in log.order]
     if math.inf in numbers or -math.inf in numbers:
         place = log.order[[math.isinf(number) for number in numbers].index(True)]
@@ -178,12 +181,18 @@ def _number(log: _Log, line: int, place: int, text: str) -> float:
     return float(text)
 
 
-def _is_number(text: str | bytes) -> bool:
+def _is_plain(text: str) -> bool:
+    """Whether what Python reads as a number is one in other programs, too: no 1_000, no digits of
+    other scripts."""
+    return text.isascii() and "_" not in text
+
+
+def _is_number(text: str) -> bool:
     try:
         float(text)
     except ValueError:
         return False
-    return True
+    return _is_plain(text)
 
 
 def _check_time(log: _Log, line: int, time: float, before: float) -> None:

@@ -256,7 +256,9 @@ def test_a_log_without_a_value_is_a_prediction(tmp_path, wing, capsys):
     # A random walk of 0.1 rad/(m √s) for 4 s, from 0.3 rad/m.
     deviations = table(tmp_path / "shape.csv")["std_q0"]
     np.testing.assert_allclose(deviations, [0.3, np.sqrt(0.3**2 + 0.1**2 * 4)], rtol=1e-8)
-    assert "no sensor has a value" in capsys.readouterr().out
+    printed = capsys.readouterr()
+    assert "no sensor has a value" in printed.out
+    assert f"warning: {log}: no cell has a sample" in printed.err
 
 
 def test_columns_may_stand_in_any_order(tmp_path, wing, log):
@@ -335,11 +337,15 @@ def test_an_attitude_that_is_no_rotation_is_refused(tmp_path, capsys):
     sensor = '[[sensors]]\nkind = "attitude"\nxi = 1.0\nnoise = 0.01\n'
     path.write_text(BEAM + FILTER + sensor)
     names = ",".join(load_estimation(path).columns.values)
-    for entries in ("1,0,0,0,1,0,0,0,1.1", "1,0,0,0,1,0,0,0,-1"):
+    for entries, fault in (
+        ("1,0,0,0,1,0,0,0,1.1", "entries up to 0.21"),
+        ("1,0,0,0,1,0,0,0,-1", "a reflection"),
+    ):
         log.write_text(f"time,{names}\n0,1,0,0,0,1,0,0,0,1\n1,{entries}\n2,{',' * 8}\n")
         message = refused(capsys, path, log, "--out", out)
         expected = "line 3, columns attitude_1_R_xx to attitude_1_R_zz: expected a rotation matrix"
         assert message.startswith(f"{log}: {expected}")
+        assert f"entries of RᵀR − I up to 0.0035, found {fault}: [1.0, " in message
 
 
 @pytest.mark.parametrize(
@@ -369,7 +375,7 @@ def test_an_attitude_that_is_no_rotation_is_refused(tmp_path, capsys):
         (
             "q = 0.3",
             "q = 0.3\n[estimation.mean]\nq = [0, 0.9]",
-            "[estimation] mean['q'][1] (out_of_plane: Legendre 1): expected within Beam.weight_bounds [-0.8,",
+            "[estimation] mean['q'][1] (out_of_plane: Legendre 1): expected within Beam.weight_",
         ),
     ],
 )
@@ -396,6 +402,7 @@ NUMBER = "expected a number, or an empty cell for a missing sample, found"
     ("line", "text", "message"),
     [
         (17, "0.15,abc,0", f"line 17, column root: {NUMBER} 'abc'"),
+        (17, "0.15,1_000,0", f"line 17, column root: {NUMBER} '1_000'"),
         (17, "0.15,0,1.5e-", f"line 17, column strain_2: {NUMBER} '1.5e-'"),
         (17, "0.15,inf,0", "line 17, column root: expected a finite number"),
         (17, "0.15,0", "line 17: expected 3 cells, as in line 1, found 2"),
@@ -472,6 +479,23 @@ def test_what_is_no_text_is_refused_without_reading_all_of_it(wing, tmp_path, ca
     log.write_bytes(b"x" * 3_000_000)
     message = refused(capsys, wing, log, "--out", tmp_path / "shape.csv")
     assert "line 1: expected a CSV file, found 1048576 bytes a line" in message
+
+
+def test_digits_of_other_scripts_are_refused(tmp_path, wing, log, capsys):
+    message = refused(capsys, wing, log({17: "0.15,0,\u0661"}), "--out", tmp_path / "shape.csv")
+    assert f"line 17, column strain_2: {NUMBER} '\u0661'" in message
+
+
+def test_a_time_in_milliseconds_is_found_where_it_begins_to_matter(tmp_path, capsys):
+    log = tmp_path / "log.csv"
+    write_log(log, HALE_WING, np.arange(40) * 0.01)
+    header, *lines = log.read_text().splitlines()
+    cells = [line.partition(",") for line in lines]
+    late = [f"{1000 * float(time):g},{rest}" for time, _, rest in cells]
+    log.write_text("\n".join([header, *late, ""]))
+    message = refused(capsys, HALE_WING, log, "--out", tmp_path / "shape.csv")
+    pattern = r"no number; weights left weight_bounds in line \d+, 10 s after the one before: "
+    assert re.search(pattern + r"check the units of the log, time in s", message)
 
 
 def test_wrong_units_are_named_by_their_sensor(tmp_path, capsys):

@@ -20,8 +20,8 @@ import curvcasadi as cc
 
 DT, STAGES = 0.05, 5  # of the MPC, s
 TIME_CONSTANT = 0.25  # s, in which weights follow their commands
-# With 1e-4 a tip stays up to some 1e-3 of the length off targets within reach; 1e-6 comes nearer, but
-# does not converge for targets out of reach.
+# With 1e-4 a tip stays up to some 1e-3 of the length off targets within reach; 1e-6 comes nearer,
+# but does not converge for targets out of reach.
 SMOOTHNESS = 1e-4
 HALVINGS = 40
 TURN = 0.3  # rad, that the wing of the self-test turns from root to tip, where its limits allow it

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 
 import casadi as ca
@@ -212,6 +213,16 @@ def test_the_summary_tells_places_gain_and_quality():
     text = str(cc.place_sensors(WING, FORTY, 2, shapes=SHAPES, prior=PRIOR, costs=2, budget=5))
     assert "at a cost of 4" in text and "% of the optimum" in text and "nats" in text
     assert "standard deviation of the tip" in text and "torsion: Legendre 0" in text
+    assert "of the optimum of 40 candidates" in text
+
+
+def test_the_summary_tells_sensors_at_one_station_apart():
+    rear = replace(FORTY[20], name="rear")
+    pairs = [[attitude(1.0), rear], [FORTY[29]]]
+    text = str(cc.place_sensors(WING, pairs, 2, shapes=SHAPES, prior=PRIOR, method="exact"))
+    first, second, *_ = text.splitlines()
+    assert first == "candidates 0 (attitude at xi = 1, rear at xi = 0.02), 1 (strain at xi = 0.9)"
+    assert second.endswith("nats over the prior, the optimum of 2 candidates")
 
 
 # The figure ------------------------------------------------------------------------------------

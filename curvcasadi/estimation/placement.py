@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, Literal, get_args
 
 import casadi as ca
@@ -58,18 +59,18 @@ class Placement:
     def summary(self) -> str:
         """What was chosen, and what it is expected to know."""
         width = max(len(label) for label in self.labels)
-        where = ", ".join(
-            f"{i} (xi = {', '.join(f'{xi:g}' for xi in dict.fromkeys(self.candidate_stations[i]))})"
-            for i in self.indices
-        )
+        rest = iter(self.sensors)
+        groups = {i: islice(rest, len(self.candidate_stations[i])) for i in self.indices}
+        where = ", ".join(f"{i} ({_words(group)})" for i, group in groups.items())
         spent = "" if self.cost is None else f" at a cost of {self.cost:g}"
         quality = "the optimum"
         if self.method == "greedy":
             quality = f"at least {100 * self.guarantee:.0f} % of the optimum"
+        offered = len(self.candidate_stations)
         tip, before = self.deviations.distance[-1], self.prior_deviations.distance[-1]
         lines = [
             f"candidates {where}{spent}",
-            f"gain {self.gain:.4g} nats over the prior, {quality}",
+            f"gain {self.gain:.4g} nats over the prior, {quality} of {offered} candidates",
             f"expected standard deviation of the tip {tip:.3g} m, {before:.3g} m without sensors",
             "of the weights, rad/m",
         ]
@@ -176,6 +177,11 @@ def _groups(candidates: Sequence[Sensor | Sequence[Sensor]]) -> list[tuple[Senso
     if not groups:
         raise ValueError("candidates: expected one or more, found none")
     return groups
+
+
+def _words(group: Iterable[Sensor]) -> str:
+    """Names, or kinds, of sensors bought together, and where they sit."""
+    return ", ".join(dict.fromkeys(f"{s.name or s.prefix} at xi = {s.xi:g}" for s in group))
 
 
 def _informations(slope: Array, owner: Array) -> Array:

@@ -40,7 +40,8 @@ _LIBM = (
     "fmax fmin fmod hypot log log10 log1p pow sin sinh sqrt tan tanh trunc"
 ).split()
 _FLOAT = re.compile(r"(?<![\w.])(?:\d+\.\d*|\.\d+|\d+(?=[eE]))(?:[eE][+-]?\d+)?(?![\w.])")
-_SMALLEST_FLOAT, _LARGEST_FLOAT = map(float, (np.finfo(np.float32).tiny, np.finfo(np.float32).max))
+_SMALLEST_FLOAT = float(np.finfo(np.float32).smallest_subnormal)
+_LARGEST_FLOAT = float(np.finfo(np.float32).max)
 _COMMENT = re.compile(r"(/\*.*?\*/|\"(?:\\.|[^\"\\])*\"|^[ \t]*#[ \t]*include[^\n]*)", re.S | re.M)
 
 

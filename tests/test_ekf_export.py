@@ -124,15 +124,14 @@ class Exported(NamedTuple):
         return {**found, "covariance": ud.covariance_of(factor.full())}
 
 
-@pytest.fixture(scope="module", params=["double", "float"])
-def exported(request, tmp_path_factory):
-    real, folder = request.param, tmp_path_factory.mktemp(f"ekf_{request.param}")
+def export(real, folder, sensors, measured):
+    """A filter from a bent wing in motion, compiled; `measured` is a sample to test its C with."""
     beam = cc.Beam(
         length=4.0,
         basis=cc.ChannelBasis(torsion=cc.Legendre(1), out_of_plane=cc.Legendre(2)),
         grid=cc.Grid.uniform(4, real=real),
     )
-    ekf = cc.shape_ekf(beam, SENSORS, process="white_acceleration", density=0.1)
+    ekf = cc.shape_ekf(beam, sensors, process="white_acceleration", density=0.1)
     start = ekf.initial(
         {"q": 0.01, "q_dot": 0.1}, {"q": [0.02, -0.03, 0.01], "q_dot": [0.1, 0.2, -0.1]}
     )
@@ -142,7 +141,7 @@ def exported(request, tmp_path_factory):
             function=ekf.update, descriptions=ekf.descriptions["update"], missing=("measured",)
         ),
     ]
-    at, measured = (start.state, start.factor), np.eye(3).ravel().tolist() + [0.0] * 3
+    at = start.state, start.factor
     samples = {"ekf_predict": [(*at, 0.01)], "ekf_update": [(*at, measured)]}
     cc.export_c(steps, folder, real=real, reference_inputs=samples)
     (folder / "program.c").write_text(PROGRAM)
@@ -150,6 +149,12 @@ def exported(request, tmp_path_factory):
     command = ["gcc", *STRICT, "-Wno-unused-parameter", "-Wno-unused-function", *sources]
     subprocess.run([*command, "-o", "program", "-lm"], cwd=folder, check=True)
     return Exported(ekf, start, str(folder / "program"), real)
+
+
+@pytest.fixture(scope="module", params=["double", "float"])
+def exported(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp(f"ekf_{request.param}")
+    return export(request.param, folder, SENSORS, [*np.eye(3).ravel(), 0.0, 0.0, 0.0])
 
 
 def read(exported, turn=(0.01, -0.005, 0.008)):
@@ -259,5 +264,21 @@ def test_an_attitude_that_is_no_rotation_is_missing(exported, dead):
     values[:9] = dead
     found, expected = exported.checked(True, values), lost(exported, slice(9))
     assert_allclose(found["used"], [0, 0, 0, 1, 1, 1], rtol=0)
+    for name, value in expected.items():
+        assert_allclose(found[name], value, rtol=0, err_msg=name)  # the same arithmetic
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_a_camera_uses_what_it_sees_and_nothing_else(tmp_path, real):
+    below, above = (
+        cc.Camera(xi=1.0, noise=0.01, pose=cc.Pose(rotation=np.eye(3), position=[3.5, 0.5, z]))
+        for z in (-5.0, 5.0)
+    )
+    exported = export(real, tmp_path, [below, above], np.full(4, 0.1))
+    q = exported.ekf.part(exported.start, "q")
+    seen = cc.measure([below], exported.ekf.beam, q).values.full()[:, 0] + [0.01, -0.005]
+    found = exported.checked(True, [*seen, 0.1, 0.2])
+    assert_allclose(found["used"], [1, 1, 0, 0], rtol=0)
+    expected = exported.checked(True, [*seen, np.nan, np.nan])
     for name, value in expected.items():
         assert_allclose(found[name], value, rtol=0, err_msg=name)  # the same arithmetic

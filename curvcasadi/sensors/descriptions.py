@@ -210,8 +210,8 @@ class Camera(Sensor):
     (x, y, z) is the point in camera axes, z along the optical axis. A camera sees what lies before
     it, within 89.94° of that axis: z > 0, |(x, y)| < 1e3 z. Of all else the bearing is NaN, with
     zeros for derivatives: estimators take it for missing, and numbers are refused where there is
-    nothing else to go by. The camera moves with the parent; the pose of the parent changes no
-    bearing.
+    nothing else to go by. The camera moves with the parent, whose pose changes no bearing, while
+    markers and attitude sensors read in inertial axes.
     """
 
     pose: Pose  #: of the camera, in parent axes: the body axes of an aircraft

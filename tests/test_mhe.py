@@ -784,3 +784,17 @@ def test_starts_of_another_estimator_are_refused(process):
         next(cc.run_mhe(mhe, start, None))
     with pytest.raises(ValueError, match="mhe: expected a ShapeMhe, found None"):
         next(cc.run_mhe(None, start, [np.zeros(7)]))
+
+
+def test_what_cannot_be_computed_leaves_the_estimate_as_it_was():
+    """A stream outlives a reading out of all proportion."""
+    sensors = [*ATTITUDES, MARKER]
+    mhe = make(sensors, beam=WING)
+    at = mhe.initial(DEVIATION["random_walk"])
+    samples = noisy(sensors, 6)
+    wild = samples.copy()
+    wild[-1, 2] = 1e300
+    found = [*cc.run_mhe(mhe, at, wild.T)]
+    assert not found[2].solved
+    assert np.all(np.isfinite(found[2].state))
+    assert found[-1].time == 5 * DT

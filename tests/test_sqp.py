@@ -174,3 +174,17 @@ def test_rotations_that_are_none_are_no_solution(matrix):
     # Rotations in single precision are ones.
     true = WING.root.rotation.full().astype(np.float32)
     assert float(attitude(q_guess=0.001, rotations=true)["violation"]) <= 1
+
+
+def test_a_multiplier_that_is_always_zero_leaves_qrqp_room():
+    """`qrqp` lists the multipliers that change their signs, and an end, in a vector of their number.
+
+    With one that never does the list fits; without it `qrqp` wrote beyond its memory.
+    """
+    _, solver = _disc()
+    assert solver.solver.size1_in("lbg") == 2  # of one constraint
+    found = solver.solver(
+        x0=[5, 5], p=[9, 9], lbx=-2, ubx=2, lbg=[-ca.inf, -ca.inf], ubg=[1, ca.inf]
+    )
+    assert float(found["lam_g"][0]) > 0
+    assert float(found["lam_g"][1]) == 0

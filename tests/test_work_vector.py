@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import curvcasadi as cc
-from curvcasadi.export import run_check
+from curvcasadi.export import run_check, work_vector
 
 WING = cc.Beam(
     length=2.0,
@@ -85,3 +85,16 @@ def test_results_between_calls_stay_apart(tmp_path):
     described = cc.export_c([outer], tmp_path, reference_inputs=samples)["functions"]["outer"]
     assert run_check(tmp_path)["outer"] <= 1e-15  # the same operations
     assert described["buffers"]["w"] < outer.sz_w()
+
+
+def test_qrqp_has_room_for_the_end_of_its_list_of_integers(tmp_path):
+    x, p = ca.MX.sym("x", 2), ca.MX.sym("p", 2)
+    quiet = {"print_iter": False, "print_header": False, "print_info": False}
+    solver = ca.qpsol("s", "qrqp", {"x": x, "p": p, "f": ca.sumsqr(x - p)}, quiet)
+    f = ca.Function("f", [p], [solver(p=p)["x"]])
+    assert work_vector.integers(f) == f.sz_iw() + 1
+    manifest = cc.export_c([cc.CFunction(function=f, unchecked=True)], tmp_path)
+    assert manifest["functions"]["f"]["buffers"]["iw"] == f.sz_iw() + 1
+    assert f"f_SZ_IW {f.sz_iw() + 1}" in (tmp_path / "curv_functions.h").read_text()
+    g = ca.Function("g", [p], [ca.sin(p)])
+    assert work_vector.integers(g) == g.sz_iw()

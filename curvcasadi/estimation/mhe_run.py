@@ -29,7 +29,8 @@ def run_mhe(
     ----------
     start : `ShapeMhe.initial`, at the time of the first sample
     samples : measured (m,), NaN where missing, or (measured, root inputs by name); one every `dt`.
-        An attitude that is no rotation is missing, as for `ShapeEkf`
+        An attitude that is no rotation is missing, as for `ShapeEkf`. Where samples lead to what
+        cannot be computed the estimate stays as it was, not `solved`
 
     Raises
     ------
@@ -75,16 +76,20 @@ def _estimate(
 ) -> WindowEstimate:
     newest, ahead = len(columns) - 1, mhe.window + 1 - len(columns)
     missing = [np.full_like(columns[0], np.nan)] * ahead
-    found = mhe.step(
-        arrival_mean=at.arrival_mean,
-        arrival_factor=at.arrival_factor,
-        measured=np.column_stack([*columns, *missing]),
-        guess=at.guess,
-        **{
-            key: np.hstack([motion[key] for motion in [*motions, *[motions[-1]] * ahead]])
-            for key in motions[-1]
-        },
-    )
+    used = (~missing_residuals(mhe.channels, columns[-1])).astype(float)
+    try:
+        found = mhe.step(
+            arrival_mean=at.arrival_mean,
+            arrival_factor=at.arrival_factor,
+            measured=np.column_stack([*columns, *missing]),
+            guess=at.guess,
+            **{
+                key: np.hstack([motion[key] for motion in [*motions, *[motions[-1]] * ahead]])
+                for key in motions[-1]
+            },
+        )
+    except RuntimeError:  # steps to where nothing can be computed: as in C, all stays as it is
+        return at._replace(time=time, violation=np.inf, stationarity=np.inf, used=used)
     states = found["states"].full()[:, : newest + 1]
     estimate = WindowEstimate(
         time=time,
@@ -95,7 +100,7 @@ def _estimate(
         guess=found["guess_after"].full(),
         violation=float(found["violation"]),
         stationarity=float(found["stationarity"]),
-        used=(~missing_residuals(mhe.channels, columns[-1])).astype(float),
+        used=used,
     )
     if ahead == 0:
         return estimate

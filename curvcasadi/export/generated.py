@@ -61,7 +61,10 @@ def generate(
         _with_own_names(text, functions, stem) for text in _generated(functions, stem, real)
     )
     source, work = work_vector.compacted(_without_static_memory(source), functions)
-    source, header = (work_vector.told(text, work) for text in (source, header))
+    integers = {f.name(): work_vector.integers(f) for f in functions}
+    source, header = (
+        work_vector.told(work_vector.told(text, work), integers, "iw") for text in (source, header)
+    )
     source = without_failure_checks(without_null_checks(source))
     if real == "float":
         source = _single_precision(source, stem)

@@ -50,11 +50,25 @@ def compacted(source: str, functions: Sequence[ca.Function]) -> tuple[str, dict[
     return text, {f.name(): sizes.get(names[_signature(f)], f.sz_w()) for f in functions}
 
 
-def told(text: str, work: Mapping[str, int]) -> str:
-    """`text` of a source or header in which lengths of work vectors are those of `work`."""
+def integers(function: ca.Function) -> int:
+    """Length of the work vector of integers; `qrqp` writes one beyond what it asks for.
+
+    It lists there where multipliers change their signs, and an end: one more than there are.
+    """
+    parts = {f.class_name() for f in (function, *function.find_functions())}
+    return int(function.sz_iw()) + ("Qrqp" in parts)
+
+
+def told(text: str, work: Mapping[str, int], kind: str = "w") -> str:
+    """`text` of a source or header in which lengths of work vectors are those of `work`.
+
+    Parameters
+    ----------
+    kind : "w", or "iw" for the vectors of integers
+    """
     for name, size in work.items():
-        text = re.sub(rf"(#define {name}_SZ_W) \d+", rf"\1 {size}", text)
-        asked = rf"(casadi_{name}_work(?:_bytes)?\([^{{}}]*\{{[^{{}}]*\*sz_w = )\d+"
+        text = re.sub(rf"(#define {name}_SZ_{kind.upper()}) \d+", rf"\1 {size}", text)
+        asked = rf"(casadi_{name}_work(?:_bytes)?\([^{{}}]*\{{[^{{}}]*\*sz_{kind} = )\d+"
         text = re.sub(asked, rf"\g<1>{size}", text)
     return text
 

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam import Beam
-from curvcasadi.export import generated
+from curvcasadi.export import generated, work_vector
 from curvcasadi.export.c_function import STATIONARITY, TAKEN, VIOLATION, CFunction
 from curvcasadi.resolution import largest_element_angles
 from curvcasadi.shape import squared_element_angles
@@ -41,6 +41,7 @@ class Wrapper:
         """Lengths of the buffers that serve every generated function which is called."""
         called = [self.export.function, *self.angles.values()]
         sizes = {key: max(getattr(f, f"sz_{key}")() for f in called) for key in _BUFFERS}
+        sizes["iw"] = max(map(work_vector.integers, called))
         work = [self.work[f.name()] for f in called]
         work[1:] = [size + 1 for size in work[1:]]  # one more, for the angle that they return
         return sizes | {"w": max(work)}

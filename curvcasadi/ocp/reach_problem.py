@@ -11,6 +11,7 @@ from scipy.optimize import least_squares
 
 from curvcasadi.beam import Beam
 from curvcasadi.expressions import Array, Number
+from curvcasadi.ocp.sqp import roomy, with_room
 from curvcasadi.ocp.targets import (
     Limits,
     Regularizer,
@@ -71,6 +72,7 @@ class ReachSolvers:
         self, problem: ReachProblem, hessian: Hessian, solver: str, options: dict[str, Any]
     ) -> None:
         self.problem, self.iterations, self.converged = problem, 0, False
+        self._roomy = solver == "sqpmethod"
         r = problem.residuals
         self._parameters = ca.veccat(*problem.values)
         symbols = ca.veccat(r.positions, r.rotations)
@@ -142,7 +144,10 @@ class ReachSolvers:
 
     def _solve(self, nlp: ca.Function, q: Array, lower: Array, upper: Array) -> Array:
         lbx, ubx = self.problem.bounds
-        solution = nlp(x0=q, p=self._parameters, lbx=lbx, ubx=ubx, lbg=lower, ubg=upper)
+        limits = {"lbx": lbx, "ubx": ubx, "lbg": lower, "ubg": upper}
+        if self._roomy:
+            limits = with_room(limits)
+        solution = nlp(x0=q, p=self._parameters, **limits)
         stats = nlp.stats()
         self.iterations += int(stats["iter_count"])
         self.converged = bool(stats["success"])
@@ -164,6 +169,8 @@ class _NlpFactory:
     ) -> ca.Function:
         """min objective = ½ |residual|² + ½ qᵀ quadratic q, subject to `constraints`."""
         q, options = self._q, dict(self._options)
+        if self._solver == "sqpmethod":
+            constraints = roomy(constraints)
         if self._hessian == "gauss_newton":
             options["hess_lag"] = self._lagrangian_hessian(residual, quadratic, constraints)
         elif self._solver == "ipopt":

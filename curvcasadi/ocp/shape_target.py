@@ -84,7 +84,7 @@ def shape_target_function(
         stationarity (1, 1): what is left of the optimality conditions (of the last programs, for
         `iterations`) over 1e-8 rad/m (float: 1e-6), and what a Newton step would still take from
         the residual over 1e-6 (float: 1e-4), at most 1 where it converged. It does not raise, but
-        for NaN inputs: check both. From an exactly straight guess a target on the beam's axis has
+        for NaN inputs, or where its steps lead to what cannot be computed: check both. From an exactly straight guess a target on the beam's axis has
         no gradient: guess a slight bend.
     """
     function_name("name", name)
@@ -156,7 +156,7 @@ def shape_target_function(
         "distances": distances,
         "angles": angles,
         "violation": larger(miss, excess[-1] / limit),
-        "stationarity": ca.mmax(ca.vertcat(*left[-2:])),
+        "stationarity": larger(left[-1], left[max(len(left) - 2, 0)]),
     }
     kept = {key: value for key, value in results.items() if value.numel()}
     return ca.Function(name, [*used.values()], [*kept.values()], [*used], [*kept])

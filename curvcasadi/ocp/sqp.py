@@ -43,6 +43,21 @@ TOLERANCES: dict[Real, Tolerances] = {
 SHOOTING: dict[Real, int] = {"double": 2, "float": 0}
 
 
+def roomy(constraints: ca.MX) -> ca.MX:
+    """`constraints`, and a last one that is none, of whose bounds `with_room` knows.
+
+    CasADi's `qrqp` lists where multipliers change their signs in a vector that is too short for all
+    of them and its end: where all change at once it writes beyond. This one is always zero.
+    """
+    return ca.vertcat(constraints, ca.MX.zeros(1))
+
+
+def with_room(limits: dict[str, Number]) -> dict[str, Number]:
+    """`limits` of an NLP whose constraints are `roomy`."""
+    free = {"lbg": -ca.inf, "ubg": ca.inf}
+    return limits | {key: ca.vertcat(limits[key], side) for key, side in free.items()}
+
+
 class Solution(NamedTuple):
     """What a solver found; the last two by its result alone, whatever it says of itself."""
 
@@ -77,13 +92,13 @@ class GaussNewton:
     def __call__(self, guess: ca.MX, p: ca.MX) -> Solution:
         """Solution from `guess`, which is moved to within the bounds first."""
         x = ca.fmin(ca.fmax(guess, self.bounds.lbx), self.bounds.ubx)
-        limits = self.bounds._asdict()
+        limits = with_room(self.bounds._asdict())
         found = self.solver(x0=x, p=p, **limits)
         for _ in range((self.iterations or 1) - 1):
             x = found["x"]
             warm = {"lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
             found = self.solver(x0=x, p=p, **warm, **limits)
-        multipliers = found["lam_x"], found["lam_g"]
+        multipliers = found["lam_x"], found["lam_g"][:-1]
         at = () if self.iterations is None else (x,)
         return Solution(found["x"], *self.certificate(found["x"], p, *multipliers, *at))
 
@@ -137,7 +152,7 @@ def gauss_newton_sqp(
         at_most = {"constr_viol_tol": primal, "dual_inf_tol": dual * stiffness}
         changes = _QP_CHANGES * (x.shape[0] + constraints.shape[0])
         qp_options |= {"max_iter": max(changes, 20), **at_most}
-    scale, multipliers = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", constraints.shape[0])
+    scale, multipliers = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", constraints.shape[0] + 1)
     options: dict[str, Any] = {
         "hess_lag": ca.Function(
             name + "_hessian",
@@ -160,7 +175,7 @@ def gauss_newton_sqp(
         "print_status": False,
         "print_time": False,
     }
-    nlp: dict[str, Any] = {"x": x, "p": parameters, "f": objective, "g": constraints}
+    nlp: dict[str, Any] = {"x": x, "p": parameters, "f": objective, "g": roomy(constraints)}
     return GaussNewton(
         solver=ca.nlpsol(name, "sqpmethod", nlp, options),
         bounds=bounds,

@@ -63,8 +63,9 @@ def tip_path_step_function(
         squared element angle over what is allowed, relative, over 1e-6 (`ControlModel.real` float:
         1e-5), or error of a rotation that is none over 1e-3; stationarity (1, 1): what is left of
         the optimality conditions, of the last program for a number of iterations, over 1e-8 (float:
-        1e-6). At most 1 both, where `u` may be applied. Element angles are checked, not kept: bound
-        the weights so that they are, or the curvature.
+        1e-6). At most 1 both, where `u` may be applied. Element angles of the states are checked,
+        not kept, and those of inputs are not: bound the weights so that they are. Where its steps
+        lead to what cannot be computed, after inputs out of all proportion, CasADi raises.
     """
     function_name("name", name)
     instance("model", model, ControlModel)

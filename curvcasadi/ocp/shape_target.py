@@ -84,8 +84,8 @@ def shape_target_function(
         stationarity (1, 1): what is left of the optimality conditions (of the last programs, for
         `iterations`) over 1e-8 rad/m (float: 1e-6), and what a Newton step would still take from
         the residual over 1e-6 (float: 1e-4), at most 1 where it converged. It does not raise, but
-        for NaN inputs, or where its steps lead to what cannot be computed: check both. From an exactly straight guess a target on the beam's axis has
-        no gradient: guess a slight bend.
+        for NaN inputs, or where its steps lead to what cannot be computed: check both. From an
+        exactly straight guess a target on the beam's axis has no gradient: guess a slight bend.
     """
     function_name("name", name)
     targets = checked_problem(beam, targets)

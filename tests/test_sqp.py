@@ -177,7 +177,7 @@ def test_rotations_that_are_none_are_no_solution(matrix):
 
 
 def test_a_multiplier_that_is_always_zero_leaves_qrqp_room():
-    """`qrqp` lists the multipliers that change their signs, and an end, in a vector of their number.
+    """`qrqp` lists multipliers that change their signs, and an end, in a vector of their number.
 
     With one that never does the list fits; without it `qrqp` wrote beyond its memory.
     """

@@ -211,7 +211,7 @@ def test_the_generator_says_in_a_line_what_it_cannot_do(tmp_path, text, options,
 
 def test_gcc_compiles_all_functions_of_64_elements_in_10_s_and_1_gib(tmp_path):
     beam = functions.wing(64)
-    names = ("midpoint_32", "target", "mpc", "statics")
+    names = ("midpoint_32", "target", "target_met", "mpc", "statics", "ekf")
     libraries = [x for x in functions.LIBRARIES if x.name in names]
     samples = {}
     for library in libraries:

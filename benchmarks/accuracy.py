@@ -25,8 +25,8 @@ from benchmarks.wing import (
     tip_pose,
     wing,
 )
-from curvcasadi.expressions import Array
-from curvcasadi.grid import ExponentialName, RuleName
+from curvcasadi.beam.grid import ExponentialName, RuleName
+from curvcasadi.symbolic.expressions import Array
 
 #: Case 21: K, rad/m, s, m, and tip position, m, of one segment of constant curvature, as published
 #: to ten digits from scipy.linalg.expm of the 4 × 4 twist matrix.

@@ -18,8 +18,8 @@ from benchmarks.generated_c import compiled
 from benchmarks.table import HEADERS, Table, compared
 from benchmarks.timing import seconds
 from benchmarks.wing import WEIGHTS, elements_for, position_error, wing
-from curvcasadi.grid import RuleName
-from curvcasadi.pose_function import Form
+from curvcasadi.beam.grid import RuleName
+from curvcasadi.kinematics.pose_function import Form
 
 #: Tip error of every contender, in L.
 TARGET = 1e-6

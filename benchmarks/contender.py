@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from benchmarks.wing import WEIGHTS
-from curvcasadi.expressions import Array
+from curvcasadi.symbolic.expressions import Array
 
 #: Weight vectors of a batch.
 BATCH = 200

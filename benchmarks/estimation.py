@@ -20,8 +20,8 @@ from scipy.stats import chi2
 
 import curvcasadi as cc
 from benchmarks.table import Check, Table, checked
-from curvcasadi.expressions import Array
-from curvcasadi.grid import Real
+from curvcasadi.beam.grid import Real
+from curvcasadi.symbolic.expressions import Array
 
 DT = 0.01  #: s
 RUNS = 200

@@ -17,8 +17,8 @@ import curvcasadi as cc
 from benchmarks.cost import ad_function
 from benchmarks.table import Check, Table, checked, compared
 from benchmarks.wing import wing
-from curvcasadi.expressions import Array
-from curvcasadi.grid import RuleName
+from curvcasadi.beam.grid import RuleName
+from curvcasadi.symbolic.expressions import Array
 
 KIB = 1024
 ELEMENTS = 32

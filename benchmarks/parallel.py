@@ -12,9 +12,9 @@ from benchmarks.contender import batch_weights
 from benchmarks.table import Table, compared
 from benchmarks.timing import seconds
 from benchmarks.wing import WEIGHTS, wing
-from curvcasadi import chain
-from curvcasadi.expressions import Array
-from curvcasadi.pose_function import Form
+from curvcasadi.kinematics import chain
+from curvcasadi.kinematics.pose_function import Form
+from curvcasadi.symbolic.expressions import Array
 
 SAMPLES = 1000
 

@@ -9,8 +9,8 @@ from scipy.stats import kstest
 
 import curvcasadi as cc
 from benchmarks.table import Check, Table, checked
-from curvcasadi.expressions import Array
 from curvcasadi.reference_wings import hale_wing
+from curvcasadi.symbolic.expressions import Array
 
 WING = hale_wing(torsion=2, out_of_plane=2, in_plane=2)
 HALF_DEGREE = float(np.deg2rad(0.5))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from benchmarks.wing import LENGTH
-from curvcasadi.expressions import AnyExpr
+from curvcasadi.symbolic.expressions import AnyExpr
 
 Tip = tuple[AnyExpr, AnyExpr]
 

@@ -14,8 +14,8 @@ import numpy as np
 import curvcasadi as cc
 from benchmarks.table import Check, Table, checked
 from curvcasadi.aero import AerodynamicLoad, Flow, StripAerodynamics, strip_forces
-from curvcasadi.expressions import Array, Number
 from curvcasadi.reference_wings import hale_wing
+from curvcasadi.symbolic.expressions import Array, Number
 
 REFERENCE = Path(__file__).resolve().parents[1] / "tests" / "reference"
 UP = np.array([0.0, 0.0, 1.0])

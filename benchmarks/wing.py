@@ -11,8 +11,8 @@ from numpy.polynomial import legendre
 from scipy.integrate import solve_ivp
 
 import curvcasadi as cc
-from curvcasadi.expressions import AnyExpr, Array
-from curvcasadi.grid import ExponentialName, RuleName
+from curvcasadi.beam.grid import ExponentialName, RuleName
+from curvcasadi.symbolic.expressions import AnyExpr, Array
 
 LENGTH = 16.0  #: m
 AMPLITUDES = np.array([0.06, -0.10, 0.03])  #: torsion, out-of-plane, in-plane, rad/m

@@ -44,7 +44,7 @@ from curvcasadi.aero import (
     mirror_aero,
     strip_forces,
 )
-from curvcasadi.aircraft import (
+from curvcasadi.aircraft.balance import (
     Aircraft,
     Flight,
     LiftingSurface,
@@ -54,27 +54,12 @@ from curvcasadi.aircraft import (
     aircraft_wrench,
     mirror_wing,
 )
-from curvcasadi.aircraft_file import load_aircraft
-from curvcasadi.basis import ChannelBasis, VectorBasis
-from curvcasadi.beam import Beam
-from curvcasadi.control_model import ControlModel, kinematic_model
-from curvcasadi.equilibrium import Equilibrium, solve_equilibrium
-from curvcasadi.equilibrium_function import equilibrium_function
-from curvcasadi.errors import ConvergenceError
-from curvcasadi.estimation.ekf import Estimate, ShapeEkf, shape_ekf
-from curvcasadi.estimation.ekf_run import run_ekf
-from curvcasadi.estimation.fit import fit_shape
-from curvcasadi.estimation.information import (
-    ShapeDeviations,
-    information_matrix,
-    shape_deviations,
-)
-from curvcasadi.estimation.mhe import ShapeMhe, WindowEstimate, shape_mhe
-from curvcasadi.estimation.mhe_run import run_mhe
-from curvcasadi.estimation.placement import Placement, place_sensors
-from curvcasadi.estimation.shape_fit import ShapeFit
-from curvcasadi.export import CFunction, export_c
-from curvcasadi.families import (
+from curvcasadi.aircraft.trim import trim, trim_sweep
+from curvcasadi.aircraft.trim_problem import TipHeight
+from curvcasadi.aircraft.trim_result import TrimResult, trim_table
+from curvcasadi.beam.basis import ChannelBasis, VectorBasis
+from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.families import (
     BSpline,
     CantileverModes,
     Chebyshev,
@@ -83,32 +68,45 @@ from curvcasadi.families import (
     PiecewiseConstant,
     Tabulated,
 )
+from curvcasadi.beam.grid import Grid
+from curvcasadi.beam.mirror import mirror
+from curvcasadi.beam.pose import Pose
+from curvcasadi.beam.section import Body, Section, Steps, condense_axial
+from curvcasadi.control.integrators import rk4_step
+from curvcasadi.control.kinematic_model import ControlModel, kinematic_model
+from curvcasadi.errors import ConvergenceError
+from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf, shape_ekf
+from curvcasadi.estimation.ekf.run import run_ekf
+from curvcasadi.estimation.fit.fit import fit_shape
+from curvcasadi.estimation.fit.result import ShapeFit
+from curvcasadi.estimation.information import (
+    ShapeDeviations,
+    information_matrix,
+    shape_deviations,
+)
+from curvcasadi.estimation.mhe.estimator import ShapeMhe, WindowEstimate, shape_mhe
+from curvcasadi.estimation.mhe.run import run_mhe
+from curvcasadi.estimation.placement.placement import Placement, place_sensors
+from curvcasadi.export import CFunction, export_c
 from curvcasadi.files import WingFile, load_beam, load_wing
-from curvcasadi.functions import function, jacobian_function
-from curvcasadi.grid import Grid
-from curvcasadi.integrators import rk4_step
-from curvcasadi.kinematics import body_jacobian, body_jacobian_rate, body_twist
-from curvcasadi.layout import Layout, Part
-from curvcasadi.loads import (
+from curvcasadi.files.aircraft import load_aircraft
+from curvcasadi.files.estimation import EstimationFile, load_estimation
+from curvcasadi.files.modes import ModalBasis, Modes, load_modes, modal_basis
+from curvcasadi.kinematics.jacobian import body_jacobian, body_jacobian_rate, body_twist
+from curvcasadi.kinematics.pose_function import pose_function, tip_function
+from curvcasadi.kinematics.resolution import elements_for
+from curvcasadi.kinematics.shape import Shape, curvature, pose_at, shape_map, squared_element_angles
+from curvcasadi.loads.stations import (
     DistributedForce,
     DistributedMoment,
     Gravity,
     PointForce,
     PointMoment,
 )
-from curvcasadi.mirror import mirror
-from curvcasadi.modal import ModalBasis, Modes, load_modes, modal_basis
 from curvcasadi.ocp.reach import ShapeResult, reach_shape
 from curvcasadi.ocp.shape_target import shape_target_function
 from curvcasadi.ocp.targets import Target, target_residual_function
 from curvcasadi.ocp.tip_path import tip_path_step_function
-from curvcasadi.ocp.trim import trim, trim_sweep
-from curvcasadi.ocp.trim_problem import TipHeight
-from curvcasadi.ocp.trim_result import TrimResult, trim_table
-from curvcasadi.pose import Pose
-from curvcasadi.pose_function import pose_function, tip_function
-from curvcasadi.resolution import elements_for
-from curvcasadi.section import Body, Section, Steps, condense_axial
 from curvcasadi.sensors import (
     Accelerometer,
     AttitudeSensor,
@@ -124,15 +122,17 @@ from curvcasadi.sensors import (
     measurement_residual,
     sensor_channels,
 )
-from curvcasadi.sensors_table import EstimationFile, load_estimation
-from curvcasadi.shape import Shape, curvature, pose_at, shape_map, squared_element_angles
-from curvcasadi.statics import (
+from curvcasadi.statics.balance import (
     equilibrium_residual,
     equilibrium_tangent,
     generalized_force,
     root_wrench,
     strain_energy,
 )
+from curvcasadi.statics.equilibrium import Equilibrium, solve_equilibrium
+from curvcasadi.statics.equilibrium_function import equilibrium_function
+from curvcasadi.symbolic.functions import function, jacobian_function
+from curvcasadi.symbolic.layout import Layout, Part
 
 __all__ = [
     "Accelerometer",

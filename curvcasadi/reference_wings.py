@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from curvcasadi.basis import ChannelBasis
-from curvcasadi.beam import Beam
-from curvcasadi.families import Legendre
-from curvcasadi.grid import Grid
-from curvcasadi.pose import Pose
-from curvcasadi.section import Section
+from curvcasadi.beam.basis import ChannelBasis
+from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.families import Legendre
+from curvcasadi.beam.grid import Grid
+from curvcasadi.beam.pose import Pose
+from curvcasadi.beam.section import Section
 
 #: Right wing in body axes (x forward, y right, z down): local x to the right tip, y forward, z up.
 RIGHT_WING_ROOT = Pose(rotation=[[0, 1, 0], [1, 0, 0], [0, 0, -1]], position=[0, 0, 0])

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 import curvcasadi as cc
 from benchmarks.statics import UP, bend, case, pazy_sweep, rod, smith_wing, strip_load, tip
-from curvcasadi.expressions import Array
+from curvcasadi.symbolic.expressions import Array
 
 FOLDER = Path(__file__).parent
 #: Colours that stay apart in print and for colour-blind readers (Okabe and Ito).

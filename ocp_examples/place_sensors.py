@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import curvcasadi as cc
-from curvcasadi.estimation_plot import plot_placement
+from curvcasadi.plotting import plot_placement
 from curvcasadi.reference_wings import hale_wing
 
 PRIOR = 0.02  # rad/m, standard deviation of each weight from gust to gust

@@ -5,8 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from curvcasadi.files.estimation import load_estimation
 from curvcasadi.sensors import RootMotion, measure
-from curvcasadi.sensors_table import load_estimation
 
 GRAVITY = RootMotion(gravity=[0, 0, 9.81])
 

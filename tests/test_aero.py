@@ -20,10 +20,10 @@ from curvcasadi.aero import (
     mirror_aero,
     strip_forces,
 )
-from curvcasadi.aero.load import _speed_and_angle
-from curvcasadi.loads import loaded_mesh, sites
+from curvcasadi.aero.airload import _speed_and_angle
+from curvcasadi.loads.stations import loaded_mesh, sites
 from curvcasadi.reference_wings import RIGHT_WING_ROOT
-from curvcasadi.statics import balance, parameter_slopes, root_wrench
+from curvcasadi.statics.balance import balance, parameter_slopes, root_wrench
 
 SECTION = cc.Section(GJ=1e4, EI_y=2e4, EI_z=4e6, mass_per_length=0.75)
 FLAP = ControlSurface(name="flap", lift=3.0, moment=-0.6, drag=0.1, start=0.5, end=0.9)

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import curvcasadi as cc
 from curvcasadi.aero import ControlSurface, Flow, StripAerodynamics
-from curvcasadi.aircraft import (
+from curvcasadi.aircraft.balance import (
     Aircraft,
     Flight,
     LiftingSurface,

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from curvcasadi.aero import ExponentialTipLoss
-from curvcasadi.aircraft_file import load_aircraft
+from curvcasadi.aircraft.trim import trim
+from curvcasadi.beam.section import Steps
 from curvcasadi.files import load_beam
-from curvcasadi.loads import PointForce
-from curvcasadi.ocp.trim import trim
-from curvcasadi.section import Steps
+from curvcasadi.files.aircraft import load_aircraft
+from curvcasadi.loads.stations import PointForce
 
 EXAMPLES = Path(__file__).parent.parent / "ocp_examples"
 HALE_AIRCRAFT = EXAMPLES / "hale_aircraft.toml"

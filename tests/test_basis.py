@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from scipy.special import eval_legendre
 
 import curvcasadi as cc
-from curvcasadi.basis import MirroredBasis
+from curvcasadi.beam.basis import MirroredBasis
 
 
 def test_channels_stack_torsion_out_of_plane_in_plane():

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from oracle import CURLED_WEIGHTS
 
 import curvcasadi as cc
-from curvcasadi import chain
+from curvcasadi.kinematics import chain
 
 
 def compact(beam):

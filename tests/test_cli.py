@@ -9,13 +9,13 @@ import pytest
 from PIL import Image
 from scipy.optimize import brentq
 
-from curvcasadi.cli import main
-from curvcasadi.equilibrium import solve_equilibrium
+from curvcasadi.cli.main import main
+from curvcasadi.kinematics.shape import pose_at, shape_map
 from curvcasadi.lie import so3
-from curvcasadi.loads import Gravity
+from curvcasadi.loads.stations import Gravity
 from curvcasadi.reference_wings import hale_wing
-from curvcasadi.shape import pose_at, shape_map
-from curvcasadi.statics import strain_energy
+from curvcasadi.statics.balance import strain_energy
+from curvcasadi.statics.equilibrium import solve_equilibrium
 
 HALE_WING = str(Path(__file__).parent.parent / "ocp_examples" / "hale_wing.toml")
 BENT = np.array([0.01, 0, 0, -0.05, 0.05, 0, 0, 0.005, 0])
@@ -356,7 +356,7 @@ def test_help_says_what_the_files_hold(capsys):
 
 
 def test_it_runs_as_a_program(tmp_path):
-    command = [sys.executable, "-m", "curvcasadi.cli", "shape"]
+    command = [sys.executable, "-m", "curvcasadi", "shape"]
     run = subprocess.run([*command, HALE_WING], capture_output=True, text=True, check=False)
     assert run.returncode == 0 and "16.0000" in run.stdout and run.stderr == ""
     run = subprocess.run([*command, "no.toml"], capture_output=True, text=True, check=False)

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 
 import curvcasadi as cc
 from curvcasadi.aero import AerodynamicLoad, Flow, StripAerodynamics, strip_forces
-from curvcasadi.statics import root_wrench
+from curvcasadi.statics.balance import root_wrench
 
 SEMISPAN = 16.0
 ROWS = ("2deg_nog", "2deg_g", "4deg_nog", "4deg_g")

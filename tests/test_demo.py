@@ -2,7 +2,7 @@
 
 import pytest
 
-from curvcasadi import demo
+from curvcasadi.cli import demo
 
 
 def test_demo_holds_and_draws_two_figures(tmp_path, capsys):

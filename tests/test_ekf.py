@@ -12,11 +12,11 @@ from numpy.testing import assert_allclose
 
 import curvcasadi as cc
 from benchmarks import estimation
-from curvcasadi.estimate_command import ROTATION_TOLERANCE
+from curvcasadi.cli.estimate import ROTATION_TOLERANCE
 from curvcasadi.estimation import ud
 from curvcasadi.lie import so3
 from curvcasadi.sensors.readout import Readout
-from curvcasadi.sensors.station_functions import is_rotation
+from curvcasadi.sensors.station import is_rotation
 
 RNG = np.random.default_rng(2)
 ROOT = cc.RootMotion(gravity=[0, 0, -9.81])

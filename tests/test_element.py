@@ -11,8 +11,8 @@ from oracle import CURLED_WEIGHTS, WING_LENGTH
 from scipy.linalg import expm, logm
 
 import curvcasadi as cc
-from curvcasadi import element
-from curvcasadi.rules import RULES as RULES_BY_NAME
+from curvcasadi.kinematics import element
+from curvcasadi.kinematics.rules import RULES as RULES_BY_NAME
 
 RULES = list(RULES_BY_NAME)
 ANGLES = [0.0, 1e-9, 1e-4, 0.0999, 0.1001, 0.5, 1.0]

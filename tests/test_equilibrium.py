@@ -14,9 +14,9 @@ from scipy.optimize import brentq
 from scipy.special import ellipk
 
 import curvcasadi as cc
-from curvcasadi.equilibrium_function import residual_function
 from curvcasadi.export import CFunction, export_c, run_check
 from curvcasadi.reference_wings import hale_wing
+from curvcasadi.statics.equilibrium_function import residual_function
 
 DOWN = [cc.Gravity([0, 0, 9.81])]  # body axes, z down
 UNIT = cc.Section(GJ=1, EI_y=1, EI_z=1)

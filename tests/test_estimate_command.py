@@ -12,15 +12,15 @@ import pytest
 from PIL import Image
 from sensor_logs import write_log
 
-from curvcasadi import estimate_command
-from curvcasadi.cli import main
-from curvcasadi.estimate_stream import History, Point, RowStepper, row_function
-from curvcasadi.estimation.ekf_run import run_ekf
-from curvcasadi.kinematics import body_jacobian
-from curvcasadi.sensor_log import read_log
+from curvcasadi.cli import estimate as estimate_command
+from curvcasadi.cli.main import main
+from curvcasadi.estimation.ekf.run import run_ekf
+from curvcasadi.estimation.ekf.stream import History, Point, RowStepper, row_function
+from curvcasadi.files.estimation import SENSOR_KINDS, load_estimation
+from curvcasadi.files.log import read_log
+from curvcasadi.kinematics.jacobian import body_jacobian
+from curvcasadi.kinematics.shape import pose_at
 from curvcasadi.sensors import RootMotion, measure
-from curvcasadi.sensors_table import SENSOR_KINDS, load_estimation
-from curvcasadi.shape import pose_at
 
 HALE_WING = Path(__file__).parent.parent / "ocp_examples" / "hale_wing_imus.toml"
 #: Two weights and two gauges: a row takes a tenth of a millisecond.

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from curvcasadi.expressions import (
+from curvcasadi.symbolic.expressions import (
     choice,
     count,
     expression,

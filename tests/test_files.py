@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from curvcasadi.equilibrium import solve_equilibrium
-from curvcasadi.families import (
+from curvcasadi.beam.families import (
     BSpline,
     CantileverModes,
     Chebyshev,
@@ -20,6 +19,7 @@ from curvcasadi.families import (
     PiecewiseConstant,
     Tabulated,
 )
+from curvcasadi.beam.section import Section, Steps, condense_axial
 from curvcasadi.files import (
     FAMILIES,
     SHAPE_COLUMNS,
@@ -28,7 +28,9 @@ from curvcasadi.files import (
     load_wing,
     write_shape,
 )
-from curvcasadi.loads import (
+from curvcasadi.kinematics.history import shape_history
+from curvcasadi.kinematics.shape import shape_map
+from curvcasadi.loads.stations import (
     DistributedForce,
     DistributedMoment,
     Gravity,
@@ -36,10 +38,8 @@ from curvcasadi.loads import (
     PointMoment,
 )
 from curvcasadi.reference_wings import hale_wing
-from curvcasadi.section import Section, Steps, condense_axial
-from curvcasadi.shape import shape_map
-from curvcasadi.shape_history import shape_history
-from curvcasadi.statics import root_wrench
+from curvcasadi.statics.balance import root_wrench
+from curvcasadi.statics.equilibrium import solve_equilibrium
 
 EXAMPLES = Path(__file__).parent.parent / "ocp_examples"
 REFERENCE = Path(__file__).parent / "reference"

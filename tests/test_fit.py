@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, kstest, norm
 
 import curvcasadi as cc
-from curvcasadi.estimation.gauss_newton import UNDEFINED, Linearization, minimize
+from curvcasadi.estimation.fit.gauss_newton import UNDEFINED, Linearization, minimize
 from curvcasadi.reference_wings import RIGHT_WING_ROOT, hale_wing
 
 WING = hale_wing(2, 2, 2)
@@ -332,7 +332,7 @@ def test_a_very_wide_loss_is_least_squares():
 
 def test_the_scale_of_a_loss_gives_95_percent_efficiency():
     """E[ψ']²/E[ψ²] of a normal variable, by quadrature."""
-    from curvcasadi.estimation.robust import SCALES, Loss
+    from curvcasadi.estimation.fit.losses import SCALES, Loss
 
     u = np.linspace(-12, 12, 200001)
     for name in ("huber", "cauchy"):

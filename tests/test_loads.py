@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from oracle import CURLED_WEIGHTS, WING_LENGTH, curled_curvature, integrate, rotation
 
 import curvcasadi as cc
-from curvcasadi.statics import loaded_mesh
+from curvcasadi.statics.balance import loaded_mesh
 
 #: So soft that the tangent is the derivative of the loads alone.
 SOFT = cc.Section(

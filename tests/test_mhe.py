@@ -13,8 +13,8 @@ from scipy.optimize import least_squares, lsq_linear
 from scipy.spatial.transform import Rotation
 
 import curvcasadi as cc
+from curvcasadi.estimation.mhe.step import information_root
 from curvcasadi.estimation.samples import samples_function
-from curvcasadi.estimation.window_step import information_root
 from curvcasadi.export import export_c, run_check
 from curvcasadi.reference_wings import hale_wing
 

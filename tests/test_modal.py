@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from curvcasadi.basis import VectorBasis
-from curvcasadi.equilibrium import solve_equilibrium
-from curvcasadi.loads import PointForce
-from curvcasadi.modal import COLUMNS, Modes, load_modes, modal_basis, round_trip_error
+from curvcasadi.beam.basis import VectorBasis
+from curvcasadi.files.modes import COLUMNS, Modes, load_modes, modal_basis, round_trip_error
+from curvcasadi.loads.stations import PointForce
 from curvcasadi.reference_wings import hale_wing
+from curvcasadi.statics.equilibrium import solve_equilibrium
 
 LENGTH = 16.0
 BETAS = (1.875104068711961, 4.694091132974174, 7.854757438237613, 10.995540734875467)

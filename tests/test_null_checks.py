@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import curvcasadi as cc
-from curvcasadi.export.generated import generate
-from curvcasadi.export.null_checks import without_failure_checks
+from curvcasadi.export.casadi_c.generate import generate
+from curvcasadi.export.casadi_c.null_checks import without_failure_checks
 
 QUESTION = re.compile(r"(?:arg|res)\[\d+\](?: *\?|!=0\))")
 

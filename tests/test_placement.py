@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import curvcasadi as cc
-from curvcasadi.estimation_plot import plot_placement
+from curvcasadi.plotting.placement import plot_placement
 from curvcasadi.reference_wings import hale_wing
 
 WING = hale_wing(2, 2, 2)

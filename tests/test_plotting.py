@@ -10,15 +10,15 @@ import pytest
 from matplotlib.colors import to_rgba
 from PIL import Image
 
-from curvcasadi import plotting
-from curvcasadi.basis import ChannelBasis, VectorBasis
-from curvcasadi.beam import Beam
-from curvcasadi.families import BSpline, Legendre, PiecewiseConstant
-from curvcasadi.grid import Grid
-from curvcasadi.mirror import mirror
-from curvcasadi.pose import Pose
+from curvcasadi.beam.basis import ChannelBasis, VectorBasis
+from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.families import BSpline, Legendre, PiecewiseConstant
+from curvcasadi.beam.grid import Grid
+from curvcasadi.beam.mirror import mirror
+from curvcasadi.beam.pose import Pose
+from curvcasadi.kinematics.shape import shape_map
+from curvcasadi.plotting import shape as plotting
 from curvcasadi.reference_wings import hale_wing
-from curvcasadi.shape import shape_map
 
 WING = hale_wing()
 BENT = np.array([0.01, 0, 0, -0.05, 0.05, 0, 0, 0.005, 0])

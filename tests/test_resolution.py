@@ -10,8 +10,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import curvcasadi as cc
+from curvcasadi.kinematics.resolution import largest_element_angles
 from curvcasadi.reference_wings import hale_wing
-from curvcasadi.resolution import largest_element_angles
 
 RULES = ("trapezoid", "midpoint", "magnus4", "magnus6")
 KINDS = ("uniform", "lobatto")

@@ -15,7 +15,7 @@ from oracle import CURLED_WEIGHTS, WING_LENGTH, WING_WEIGHTS
 from scipy.special import fresnel
 
 import curvcasadi as cc
-from curvcasadi.rules import RULES
+from curvcasadi.kinematics.rules import RULES
 
 ORDERS = {"trapezoid": 2, "midpoint": 2, "magnus4": 4, "magnus6": 6}
 EXACT_TIP = oracle.integrate(oracle.wing_curvature, WING_LENGTH)[0]

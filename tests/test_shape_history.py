@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
+from curvcasadi.kinematics.history import shape_history
+from curvcasadi.kinematics.shape import pose_at, shape_map, squared_element_angles
 from curvcasadi.reference_wings import hale_wing
-from curvcasadi.shape import pose_at, shape_map, squared_element_angles
-from curvcasadi.shape_history import shape_history
 
 WING = hale_wing()
 WEIGHTS = np.random.default_rng(1).uniform(-0.04, 0.04, (5, WING.basis.n))

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import curvcasadi as cc
-from curvcasadi.ocp.sqp import TOLERANCES, Bounds, gauss_newton_sqp, larger
 from curvcasadi.reference_wings import hale_wing
+from curvcasadi.solvers.sqp import TOLERANCES, Bounds, gauss_newton_sqp, larger
 
 WING = hale_wing()
 TIP = cc.Target(xi=1.0, position=[0, 14, -5], weight=1.0)

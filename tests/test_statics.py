@@ -15,7 +15,7 @@ from oracle import CURLED_WEIGHTS, curled_curvature, rotation
 from scipy.integrate import quad
 
 import curvcasadi as cc
-from curvcasadi.statics import balance, parameter_slopes, root_wrench, stiffness_matrix
+from curvcasadi.statics.balance import balance, parameter_slopes, root_wrench, stiffness_matrix
 
 SECTION = cc.Section(GJ=1e4, EI_y=2e4, EI_z=4e6)
 

@@ -12,7 +12,7 @@ from scipy.optimize import fsolve
 
 import curvcasadi as cc
 from curvcasadi.aero import ControlSurface, Flow, StripAerodynamics
-from curvcasadi.aircraft import (
+from curvcasadi.aircraft.balance import (
     Aircraft,
     Flight,
     LiftingSurface,
@@ -23,9 +23,9 @@ from curvcasadi.aircraft import (
     mirror_wing,
     wing_loads,
 )
-from curvcasadi.ocp.trim import trim, trim_sweep
-from curvcasadi.ocp.trim_problem import TipHeight, attitude_matrix
-from curvcasadi.ocp.trim_result import trim_table
+from curvcasadi.aircraft.trim import trim, trim_sweep
+from curvcasadi.aircraft.trim_problem import TipHeight, attitude_matrix
+from curvcasadi.aircraft.trim_result import trim_table
 from curvcasadi.reference_wings import RIGHT_WING_ROOT, hale_wing
 
 AIR = {"speed": 26.0, "density": 0.0889}

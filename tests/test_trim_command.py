@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from curvcasadi.aircraft_file import load_aircraft
-from curvcasadi.cli import main
-from curvcasadi.ocp.trim import trim
-from curvcasadi.trim_command import plot_trim
+from curvcasadi.aircraft.trim import trim
+from curvcasadi.cli.main import main
+from curvcasadi.cli.trim import plot_trim
+from curvcasadi.files.aircraft import load_aircraft
 
 HALE_AIRCRAFT = str(Path(__file__).parent.parent / "ocp_examples" / "hale_aircraft.toml")
 DENSITY = 0.0889  # kg/m³, at 20 km

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import curvcasadi as cc
-from curvcasadi.export import run_check, work_vector
+from curvcasadi.export import run_check
+from curvcasadi.export.casadi_c import work_vector
 
 WING = cc.Beam(
     length=2.0,

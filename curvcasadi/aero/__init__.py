@@ -1,6 +1,6 @@
 """Steady aerodynamics of wings, strip by strip."""
 
-from curvcasadi.aero.load import AerodynamicLoad, Flow, StripForces, strip_forces
+from curvcasadi.aero.airload import AerodynamicLoad, Flow, StripForces, strip_forces
 from curvcasadi.aero.strip import ControlSurface, ExponentialTipLoss, StripAerodynamics, mirror_aero
 
 __all__ = [

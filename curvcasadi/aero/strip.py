@@ -8,7 +8,7 @@ from typing import Any
 
 import casadi as ca
 
-from curvcasadi.expressions import AnyExpr, Number, choice, expression, positive, station
+from curvcasadi.symbolic.expressions import AnyExpr, Number, choice, expression, positive, station
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

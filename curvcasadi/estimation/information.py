@@ -8,14 +8,22 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from curvcasadi import chain
-from curvcasadi.beam import Beam
-from curvcasadi.chain import checked_weights
+from curvcasadi.beam.beam import Beam
 from curvcasadi.estimation.sensor_model import SensorModel, sensor_model
-from curvcasadi.expressions import AnyExpr, Array, Number, instance, numbers, numeric, station
-from curvcasadi.kinematics import body_jacobian_of, jacobian_states
+from curvcasadi.kinematics import chain
+from curvcasadi.kinematics.chain import checked_weights
+from curvcasadi.kinematics.jacobian import body_jacobian_of, jacobian_states
 from curvcasadi.sensors import RootMotion, Sensor
 from curvcasadi.sensors.measurement import check_in_view
+from curvcasadi.symbolic.expressions import (
+    AnyExpr,
+    Array,
+    Number,
+    instance,
+    numbers,
+    numeric,
+    station,
+)
 
 #: What may be unknown.
 UNKNOWNS = ("q", "q_dot")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from curvcasadi.expressions import Array
+from curvcasadi.symbolic.expressions import Array
 
 #: Standard deviation of a combination of weights, times the length, beyond which it is not seen:
 #: a constant curvature of that size rolls the wing up to half a circle, and no linearization holds.

@@ -19,9 +19,9 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.estimation import ud
-from curvcasadi.expressions import AnyExpr, Array
-from curvcasadi.layout import Layout, Part
 from curvcasadi.lie import so3
+from curvcasadi.symbolic.expressions import AnyExpr, Array
+from curvcasadi.symbolic.layout import Layout, Part
 
 ProcessName = Literal["random_walk", "white_acceleration"]
 PROCESSES: tuple[ProcessName, ...] = ("random_walk", "white_acceleration")

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from curvcasadi.estimation.process import offsets
-from curvcasadi.expressions import (
+from curvcasadi.sensors import AttitudeSensor, Channels, Sensor, sensor_channels
+from curvcasadi.sensors.station import is_rotation
+from curvcasadi.symbolic.expressions import (
     Array,
     Number,
     expression,
@@ -18,8 +20,6 @@ from curvcasadi.expressions import (
     numeric,
     rotation_matrix,
 )
-from curvcasadi.sensors import AttitudeSensor, Channels, Sensor, sensor_channels
-from curvcasadi.sensors.station_functions import is_rotation
 
 #: In place of an attitude that is missing: the identity by columns, whose logarithm is finite.
 _ATTITUDE = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)

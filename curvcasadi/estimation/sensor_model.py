@@ -10,17 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam import Beam
+from curvcasadi.beam.beam import Beam
 from curvcasadi.estimation.samples import missing_residuals, numbers_or_nan
-from curvcasadi.expressions import (
-    Array,
-    Number,
-    instance,
-    is_numeric,
-    numbers,
-    numeric,
-    rotation_matrix,
-)
 from curvcasadi.sensors import (
     AttitudeSensor,
     Channels,
@@ -30,7 +21,16 @@ from curvcasadi.sensors import (
     sensor_channels,
 )
 from curvcasadi.sensors.channels import checked_sensors
-from curvcasadi.sensors.station_functions import mount_fields
+from curvcasadi.sensors.station import mount_fields
+from curvcasadi.symbolic.expressions import (
+    Array,
+    Number,
+    instance,
+    is_numeric,
+    numbers,
+    numeric,
+    rotation_matrix,
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from operator import mul
 import casadi as ca
 import numpy as np
 
-from curvcasadi.expressions import AnyExpr, Array
+from curvcasadi.symbolic.expressions import AnyExpr, Array
 
 _CSE = {"cse": True}
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from curvcasadi.layout import Layout
 from curvcasadi.sensors import Channels
+from curvcasadi.symbolic.layout import Layout
 
 _FACTOR = (
     "covariance U D U': U above a unit diagonal, D on it; nonzeros of the upper triangle by columns"

@@ -1,7 +1,7 @@
 """Functions as C99 for other programs: checked wrappers, a self-test, build files."""
 
-from curvcasadi.export.c import export_c
 from curvcasadi.export.c_function import CFunction
+from curvcasadi.export.export import export_c
 from curvcasadi.export.host import run_check
 
 __all__ = ["CFunction", "export_c", "run_check"]

@@ -8,8 +8,8 @@ from typing import Any
 
 import casadi as ca
 
-from curvcasadi.beam import Beam
-from curvcasadi.expressions import instance, positive
+from curvcasadi.beam.beam import Beam
+from curvcasadi.symbolic.expressions import instance, positive
 
 #: Inputs that hold weights where `export_c` is given a beam.
 WEIGHTS = ("q", "q_guess")

@@ -10,9 +10,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam import Beam
+from curvcasadi.beam.beam import Beam
 from curvcasadi.export.wrappers import Wrapper
-from curvcasadi.resolution import largest_element_angles
+from curvcasadi.kinematics.resolution import largest_element_angles
 
 #: How generated code bounds its loops: the outer ones of `sqpmethod`, those of `qrqp`, of Newton.
 _LOOPS = (

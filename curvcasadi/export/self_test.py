@@ -10,7 +10,7 @@ import numpy as np
 
 from curvcasadi.export.c_function import STATIONARITY, VIOLATION, CFunction
 from curvcasadi.export.wrappers import Wrapper
-from curvcasadi.expressions import Array, expression, is_numeric
+from curvcasadi.symbolic.expressions import Array, expression, is_numeric
 
 #: Largest error over the largest entry of an output (at least 1), by type: rounding, and what a
 #: solver makes of it where it may stop at its tolerance.

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam import Beam
-from curvcasadi.export import generated, work_vector
+from curvcasadi.beam.beam import Beam
 from curvcasadi.export.c_function import STATIONARITY, TAKEN, VIOLATION, CFunction
-from curvcasadi.resolution import largest_element_angles
-from curvcasadi.shape import squared_element_angles
+from curvcasadi.export.casadi_c import generate as generated
+from curvcasadi.export.casadi_c import work_vector
+from curvcasadi.kinematics.resolution import largest_element_angles
+from curvcasadi.kinematics.shape import squared_element_angles
 
 _RESERVED = TAKEN | {"out", "work", "buffers", "column"}
 

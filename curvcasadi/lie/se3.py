@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import casadi as ca
 
-from curvcasadi.expressions import Expr
 from curvcasadi.lie import series, so3
+from curvcasadi.symbolic.expressions import Expr
 
 
 def matrix(rotation: Expr, position: Expr) -> Expr:

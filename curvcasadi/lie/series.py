@@ -12,7 +12,7 @@ from __future__ import annotations
 from math import factorial, pi
 from typing import Generic, NamedTuple
 
-from curvcasadi.expressions import Expr
+from curvcasadi.symbolic.expressions import Expr
 
 #: Degree that is exact to rounding, third derivatives included, up to θ = π.
 DEGREE = 15

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import casadi as ca
 
-from curvcasadi.expressions import Expr
 from curvcasadi.lie import series
+from curvcasadi.symbolic.expressions import Expr
 
 
 def hat(k: Expr) -> Expr:

@@ -9,12 +9,20 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam import Beam
+from curvcasadi.beam.beam import Beam
 from curvcasadi.errors import ConvergenceError
-from curvcasadi.expressions import AnyExpr, Array, Number, choice, expression, numeric, positive
-from curvcasadi.ocp.reach_problem import Hessian, ReachProblem, ReachSolvers, reach_problem
+from curvcasadi.kinematics.shape import Shape, shape_map
+from curvcasadi.ocp.reach_solvers import Hessian, ReachProblem, ReachSolvers, reach_problem
 from curvcasadi.ocp.targets import TOLERANCE, Regularizer, Target, checked_problem
-from curvcasadi.shape import Shape, shape_map
+from curvcasadi.symbolic.expressions import (
+    AnyExpr,
+    Array,
+    Number,
+    choice,
+    expression,
+    numeric,
+    positive,
+)
 
 #: Starts that are tried, beyond the guess, before unweighted targets count as unreachable.
 _FURTHER_STARTS = 8

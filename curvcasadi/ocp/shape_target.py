@@ -7,10 +7,8 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam import Beam
-from curvcasadi.expressions import Number, count, function_name, positive
-from curvcasadi.grid import Real
-from curvcasadi.ocp.sqp import TOLERANCES, Bounds, gauss_newton_sqp, larger
+from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.grid import Real
 from curvcasadi.ocp.targets import (
     Regularizer,
     Residuals,
@@ -22,6 +20,8 @@ from curvcasadi.ocp.targets import (
     rotation_defect,
     shape_limits,
 )
+from curvcasadi.solvers.sqp import TOLERANCES, Bounds, gauss_newton_sqp, larger
+from curvcasadi.symbolic.expressions import Number, count, function_name, positive
 
 #: (weight of the preference in the objective, the same in the Hessian), stage by stage. From a
 #: stronger preference, which leads to the right valley, to ever weaker ones, with which multipliers

@@ -9,8 +9,14 @@ from typing import Literal, cast
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam import Beam, numeric_length
-from curvcasadi.expressions import (
+from curvcasadi.beam.beam import Beam, numeric_length
+from curvcasadi.beam.section import Section
+from curvcasadi.kinematics.pose_function import pose_function
+from curvcasadi.kinematics.resolution import largest_element_angles
+from curvcasadi.kinematics.shape import curvature, squared_element_angles
+from curvcasadi.lie import so3
+from curvcasadi.statics.balance import stiffness_matrix
+from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
     Number,
@@ -24,13 +30,7 @@ from curvcasadi.expressions import (
     rotation_matrix,
     station,
 )
-from curvcasadi.functions import function
-from curvcasadi.lie import so3
-from curvcasadi.pose_function import pose_function
-from curvcasadi.resolution import largest_element_angles
-from curvcasadi.section import Section
-from curvcasadi.shape import curvature, squared_element_angles
-from curvcasadi.statics import stiffness_matrix
+from curvcasadi.symbolic.functions import function
 
 #: Fraction of the length, and rad, within which a target counts as met unless it says otherwise.
 TOLERANCE = 1e-6

@@ -5,12 +5,20 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from curvcasadi.control_model import ControlModel
-from curvcasadi.expressions import Array, Number, count, function_name, instance, numeric, positive
-from curvcasadi.integrators import rk4_step
+from curvcasadi.control.integrators import rk4_step
+from curvcasadi.control.kinematic_model import ControlModel
 from curvcasadi.lie import so3
-from curvcasadi.ocp.sqp import SHOOTING, TOLERANCES, Bounds, gauss_newton_sqp, larger
 from curvcasadi.ocp.targets import rotation_defect
+from curvcasadi.solvers.sqp import SHOOTING, TOLERANCES, Bounds, gauss_newton_sqp, larger
+from curvcasadi.symbolic.expressions import (
+    Array,
+    Number,
+    count,
+    function_name,
+    instance,
+    numeric,
+    positive,
+)
 
 
 def tip_path_step_function(

@@ -1,7 +1,7 @@
 """Sensors on a wing, what they read, and the derivatives of it."""
 
 from curvcasadi.sensors.channels import Channels, sensor_channels
-from curvcasadi.sensors.descriptions import (
+from curvcasadi.sensors.kinds import (
     Accelerometer,
     AttitudeSensor,
     Camera,

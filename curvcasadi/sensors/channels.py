@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from curvcasadi.expressions import Array
-from curvcasadi.layout import Layout, Part
-from curvcasadi.sensors.descriptions import Sensor, deviations
+from curvcasadi.sensors.kinds import Sensor, deviations
+from curvcasadi.symbolic.expressions import Array
+from curvcasadi.symbolic.layout import Layout, Part
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,16 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam import Beam
-from curvcasadi.expressions import (
+from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.pose import Pose
+from curvcasadi.kinematics.shape import poses
+from curvcasadi.sensors import station as station_functions
+from curvcasadi.sensors.channels import Channels, checked_sensors, sensor_channels
+from curvcasadi.sensors.kinds import AttitudeSensor, Camera, Sensor
+from curvcasadi.sensors.readings import WIDEST
+from curvcasadi.sensors.readout import Readout
+from curvcasadi.sensors.root_motion import ROOT_INPUTS, RootMotion, numeric_root
+from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
     choice,
@@ -20,15 +28,7 @@ from curvcasadi.expressions import (
     is_numeric,
     same_kind,
 )
-from curvcasadi.functions import function
-from curvcasadi.pose import Pose
-from curvcasadi.sensors import station_functions
-from curvcasadi.sensors.channels import Channels, checked_sensors, sensor_channels
-from curvcasadi.sensors.descriptions import AttitudeSensor, Camera, Sensor
-from curvcasadi.sensors.readings import WIDEST
-from curvcasadi.sensors.readout import Readout
-from curvcasadi.sensors.root_motion import ROOT_INPUTS, RootMotion, numeric_root
-from curvcasadi.shape import poses
+from curvcasadi.symbolic.functions import function
 
 RATES = ("q", "q_dot", "q_ddot")
 #: What a measurement varies with: columns of the derivatives. That of an attitude is on the right.

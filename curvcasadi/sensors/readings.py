@@ -17,9 +17,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 import casadi as ca
 
-from curvcasadi.kinematics import StationMotion
+from curvcasadi.kinematics.jacobian import StationMotion
 from curvcasadi.lie import so3
-from curvcasadi.sensors.descriptions import (
+from curvcasadi.sensors.kinds import (
     Accelerometer,
     AttitudeSensor,
     Camera,

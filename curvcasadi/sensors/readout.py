@@ -9,21 +9,21 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from curvcasadi import chain
-from curvcasadi.beam import Beam
-from curvcasadi.expressions import AnyExpr, expression, instance, is_numeric, same_kind
-from curvcasadi.kinematics import Motion, motion_states
+from curvcasadi.beam.beam import Beam
+from curvcasadi.kinematics import chain
+from curvcasadi.kinematics.jacobian import Motion, motion_states
+from curvcasadi.kinematics.shape import curvature
 from curvcasadi.sensors.channels import Channels, checked_sensors, sensor_channels
-from curvcasadi.sensors.descriptions import Sensor, ShearGauge, StrainGauge
+from curvcasadi.sensors.kinds import Sensor, ShearGauge, StrainGauge
 from curvcasadi.sensors.readings import READINGS
 from curvcasadi.sensors.root_motion import RootMotion
-from curvcasadi.sensors.station_functions import (
+from curvcasadi.sensors.station import (
     derivative_function,
     mount_fields,
     row_function,
     value_function,
 )
-from curvcasadi.shape import curvature
+from curvcasadi.symbolic.expressions import AnyExpr, expression, instance, is_numeric, same_kind
 
 #: Intervals that one call of generated C crosses where its length matters.
 _SPAN = 4

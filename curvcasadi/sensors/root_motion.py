@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, fields
 import casadi as ca
 import numpy as np
 
-from curvcasadi.expressions import (
+from curvcasadi.beam.pose import Pose
+from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Number,
     expression,
@@ -16,7 +17,6 @@ from curvcasadi.expressions import (
     is_numeric,
     rotation_matrix,
 )
-from curvcasadi.pose import Pose
 
 #: What a Function may take of the root's motion, by name of the input: its shape.
 ROOT_INPUTS = {"attitude": (3, 3), "position": (3, 1), "twist": (6, 1), "twist_rate": (6, 1)}

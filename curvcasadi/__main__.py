@@ -1,0 +1,5 @@
+import sys
+
+from curvcasadi.cli.main import main
+
+sys.exit(main())

@@ -1,0 +1,1 @@
+"""A flexible aircraft, and its trim."""

@@ -1,0 +1,91 @@
+"""Trim: attitude, inputs and shape of a flexible aircraft in steady straight flight."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from tqdm import tqdm
+
+from curvcasadi.aircraft.balance import Aircraft
+from curvcasadi.aircraft.trim_problem import Hessian, Objective
+from curvcasadi.aircraft.trim_result import TrimResult
+from curvcasadi.aircraft.trim_solver import Case, TrimSolver
+
+#: Standard gravity, m/s².
+STANDARD_GRAVITY = 9.80665
+
+
+def trim(
+    aircraft: Aircraft,
+    *,
+    speed: float,
+    density: float,
+    gravity: float = STANDARD_GRAVITY,
+    flight_path: float | None = 0.0,
+    free: Sequence[str] = (),
+    inputs: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    objective: Objective = None,
+    hessian: Hessian = "exact",
+    guess: TrimResult | None = None,
+    throw: bool = True,
+) -> TrimResult:
+    """Steady straight flight of `aircraft` at `speed`.
+
+    Unknowns are the angle of attack, the pitch angle, the weights of the wings and the inputs;
+    conditions are the balance of forces and moments about the body origin, the flight path, and
+    equilibrium of every wing. First the unknowns come as near to balance as bounds let them; then,
+    if `objective` is given, it chooses among all that balance.
+
+    Parameters
+    ----------
+    speed, density, gravity : m/s, kg/m³, m/s²
+    flight_path : climb angle, rad; None leaves it free, as in a glide with a given thrust
+    free : of "sideslip" and "roll"; what is not named stays zero
+    inputs : inputs that are held, by name: N or rad. All others are free
+    bounds : (lower, upper) of angles and inputs by name. Unless given: angle of attack and sideslip
+        within 0.35 rad, deflections within 0.5 rad, thrusts not below zero
+    objective : "strain_energy", "drag", "root_bending" (sum of squared out-of-plane moments at the
+        roots), a `TipHeight`, or None where nothing is left to choose
+    hessian : of the second solve, "exact" (of the structured derivatives) or "limited_memory"
+    guess : an earlier result of the same aircraft
+
+    Raises
+    ------
+    ConvergenceError
+        If something does not balance: the message says what, by how much, and which bounds hold;
+        its `result` is the nearest state that was found.
+    ValueError
+        For unknown names, bad numbers, and more free inputs than the balances settle.
+    """
+    solver = TrimSolver(aircraft, objective, hessian)
+    case = Case(speed, density, gravity, flight_path, tuple(free), inputs or {}, bounds or {})
+    return solver.solve(case, guess, throw)
+
+
+def trim_sweep(
+    aircraft: Aircraft,
+    speeds: Sequence[float],
+    *,
+    density: float,
+    gravity: float = STANDARD_GRAVITY,
+    flight_path: float | None = 0.0,
+    free: Sequence[str] = (),
+    inputs: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    objective: Objective = None,
+    hessian: Hessian = "exact",
+    throw: bool = False,
+    progress: bool = True,
+) -> list[TrimResult]:
+    """`trim` at each of `speeds`, m/s, each from the last one that was trimmed.
+
+    Without `throw` a speed at which nothing balances gives a result that says so.
+    """
+    solver, guess, results = TrimSolver(aircraft, objective, hessian), None, []
+    for speed in tqdm(speeds, desc="trim", unit="speed", disable=not progress):
+        case = Case(speed, density, gravity, flight_path, tuple(free), inputs or {}, bounds or {})
+        result = solver.solve(case, guess, throw)
+        guess = result if result.trimmed else guess
+        results.append(result)
+    return results

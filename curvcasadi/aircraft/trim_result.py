@@ -1,0 +1,115 @@
+"""What a trim found, and a table of several."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.aero import StripForces
+from curvcasadi.aircraft.trim_problem import BALANCES, LATERAL, TOLERANCE, TrimProblem
+from curvcasadi.beam.beam import Beam
+from curvcasadi.kinematics.shape import Shape, curvature, poses, shape_map
+from curvcasadi.symbolic.expressions import Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TrimResult:
+    """An aircraft in steady straight flight, or what comes nearest to it."""
+
+    speed: float  #: m/s
+    angle_of_attack: float  #: of the body x axis, rad
+    pitch: float  #: rad
+    sideslip: float  #: rad
+    roll: float  #: rad
+    flight_path: float  #: climb angle of what was found, rad
+    inputs: dict[str, float]  #: thrusts, N, and deflections, rad
+    input_units: dict[str, str]
+    q: dict[str, ca.DM]  #: weights (n, 1), rad/m, by wing
+    shapes: dict[str, Shape]  #: by wing, body axes
+    root_loads: dict[str, Array]  #: (6,) moment, N m, and force, N, on the body, root axes
+    airloads: dict[str, StripForces]  #: along the span, by wing
+    strain_energy: float  #: of all wings, J
+    drag: float  #: force against the path without thrust and weight, N
+    balances: dict[str, float]  #: what is left of each, N and N m, body axes and origin
+    equilibrium_residuals: dict[str, float]  #: largest entry by wing, N m²
+    trimmed: bool  #: everything balances
+    converged: bool  #: the last solve ended at an optimum
+    iterations: int
+    active_bounds: tuple[str, ...]
+    message: str
+    unknowns: Array  #: all unknowns, scaled: where a warm start begins
+
+
+def trim_table(results: Sequence[TrimResult]) -> str:
+    """Results as a table: speed, angles, inputs, tips above the roots, root bending, drag."""
+    rows = []
+    for result in results:
+        row = {"V [m/s]": f"{result.speed:.4g}"}
+        row["alpha [deg]"] = f"{np.degrees(result.angle_of_attack):.3f}"
+        for name, value in result.inputs.items():
+            unit = "N" if result.input_units[name] == "N" else "deg"
+            shown = value if unit == "N" else np.degrees(value)
+            row[f"{name} [{unit}]"] = f"{shown:.3f}"
+        for name, shape in result.shapes.items():
+            height = float(shape.poses[0].position[2] - shape.tip.position[2])
+            row[f"{name} tip [m]"] = f"{height:.3f}"
+            row[f"{name} root M_y [N m]"] = f"{result.root_loads[name][1]:.1f}"
+        row["drag [N]"] = f"{result.drag:.3f}"
+        row["trimmed"] = "yes" if result.trimmed else "no"
+        rows.append(row)
+    if not rows:
+        return ""
+    widths = {key: max(len(key), *(len(row[key]) for row in rows)) for key in rows[0]}
+    lines = ["  ".join(key.rjust(width) for key, width in widths.items())]
+    lines += ["  ".join(row[key].rjust(width) for key, width in widths.items()) for row in rows]
+    return "\n".join(lines)
+
+
+def wing_shape(beam: Beam, q: ca.DM, trimmed: bool) -> Shape:
+    """Shape of a wing; of a failed trim without the checks, which would hide the failure."""
+    if trimmed:
+        return shape_map(beam, q)
+    stations = beam.stations
+    return Shape(
+        stations=stations,
+        poses=tuple(poses(beam, q, stations.tolist())),
+        curvatures=ca.horzcat(*(curvature(beam, q, xi) for xi in stations)),
+    )
+
+
+def active_bounds(problem: TrimProblem, x: Array, bounds: tuple[Array, Array]) -> tuple[str, ...]:
+    """Bounds that hold a free angle, input or weight."""
+    names = [*problem.names]
+    for wing in problem.aircraft.beams:
+        names += [f"{wing.name} q[{i}] ({label})" for i, label in enumerate(wing.beam.basis.labels)]
+    active = []
+    for name, value, low, high in zip(names, x, *bounds, strict=True):
+        if low < high and value - low < 1e-5 * max(1.0, abs(low)):
+            active.append(f"{name} at its lower bound")
+        elif low < high and high - value < 1e-5 * max(1.0, abs(high)):
+            active.append(f"{name} at its upper bound")
+    return tuple(active)
+
+
+def failure_message(
+    balances: Array, scales: Array, unsettled: list[str], active: tuple[str, ...]
+) -> str:
+    """Which balances are missed, the worst first, and what holds them; empty if none is."""
+    misses = []
+    for k in np.argsort(-np.abs(balances)):
+        if abs(balances[k]) > TOLERANCE:
+            left = f"{balances[k] * scales[k]:.4g} {'N' if k < 3 else 'N m'}"
+            part = f" ({100 * abs(balances[k]):.2g} % of the weight)" if k < 3 else ""
+            misses.append(f"{BALANCES[k]} is left with {left}{part}")
+    misses += [f"wing {name} is out of equilibrium" for name in unsettled]
+    if not misses:
+        return ""
+    text = "; ".join(misses)
+    if active:
+        text += f"; held by bounds: {', '.join(active)}"
+    elif any(abs(balances[k]) > TOLERANCE for k in LATERAL):
+        text += "; free sideslip and roll by `free`, with inputs that turn the aircraft"
+    return text

@@ -1,0 +1,270 @@
+"""How a trim is found: Newton's method, or what comes nearest within bounds, then the best."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.aero import AerodynamicLoad, Flow, StripForces, strip_forces
+from curvcasadi.aircraft.balance import Aircraft
+from curvcasadi.aircraft.trim_problem import (
+    ANGLES,
+    BALANCES,
+    LATERAL,
+    TOLERANCE,
+    Hessian,
+    Objective,
+    TrimProblem,
+    at_root,
+    bounds_of,
+)
+from curvcasadi.aircraft.trim_result import TrimResult, active_bounds, failure_message, wing_shape
+from curvcasadi.errors import ConvergenceError
+from curvcasadi.symbolic.expressions import Array, choice, expression, positive
+
+#: What Newton's method leaves as it is.
+_ROUNDING = 1e-13
+#: Largest change of a scaled unknown in one of Newton's steps, and their number.
+_LARGEST_STEP, _NEWTON_STEPS = 1.5, 20
+
+
+class Case(NamedTuple):
+    """The conditions of one trim, as the user gave them."""
+
+    speed: float
+    density: float
+    gravity: float
+    flight_path: float | None
+    free: tuple[str, ...]
+    inputs: Mapping[str, float]
+    bounds: Mapping[str, tuple[float, float]]
+
+
+class TrimSolver:
+    """The two NLPs of a trim, built once: nearest to balance, then best."""
+
+    def __init__(self, aircraft: Aircraft, objective: Objective, hessian: Hessian) -> None:
+        if not isinstance(aircraft, Aircraft):
+            raise ValueError(f"aircraft: expected an Aircraft, found {aircraft!r}")
+        self.problem = problem = TrimProblem(aircraft)
+        self.objective = objective
+        self._nearest = problem.nearest()
+        self._best = None if objective is None else problem.best(objective, hessian)
+        wrenches = [*problem.rigid.values(), *problem.wrenches.values()]
+        energies = problem.objective("strain_energy") * problem.length
+        outputs = [problem.balances, problem.residuals, problem.flight.attitude]
+        outputs += [problem.flight.flow.velocity, problem.drag(), energies, ca.horzcat(*wrenches)]
+        self._evaluate = ca.Function("trim", [problem.x, problem.p], outputs)
+        conditions = ca.vertcat(problem.balances, problem.residuals)
+        self._slope = ca.Function(
+            "slope", [problem.x, problem.p], [ca.densify(ca.jacobian(conditions, problem.x))]
+        )
+
+    def solve(self, case: Case, guess: TrimResult | None, throw: bool) -> TrimResult:
+        """The trim of one case."""
+        p = self._parameters(case)
+        lower, upper = self._bounds(case, p[-1])
+        start = np.clip(self._start(guess), lower, upper)
+        x, iterations = self._newton(case, start, p, lower, upper)
+        converged = self._missed(case, x, p) <= TOLERANCE
+        if not converged:
+            x, stats = _run(self._nearest, start, p, lower, upper, *self._on_path(case))
+            iterations += int(stats["iter_count"])
+            converged = bool(stats["success"])
+            ahead, further = self._newton(case, x, p, lower, upper)
+            if self._missed(case, ahead, p) <= TOLERANCE:
+                x, iterations = ahead, iterations + further
+        if self._best is not None and self._missed(case, x, p) <= TOLERANCE:
+            best, stats = _run(self._best, x, p, lower, upper, *self._conditions(case))
+            iterations += int(stats["iter_count"])
+            met = self._missed(case, best, p) <= TOLERANCE
+            x, converged = (best, bool(stats["success"])) if met else (x, False)
+        result = self._result(case, p, x, (lower, upper), converged, iterations)
+        if throw and not result.trimmed:
+            raise ConvergenceError(result.message, result)
+        return result
+
+    def _start(self, guess: TrimResult | None) -> Array:
+        size = self.problem.x.shape[0]
+        if guess is None:
+            return np.zeros(size)
+        if not isinstance(guess, TrimResult) or len(guess.unknowns) != size:
+            raise ValueError("guess: expected a TrimResult of the same aircraft, found another")
+        return guess.unknowns
+
+    def _newton(
+        self, case: Case, x: Array, p: Array, lower: Array, upper: Array
+    ) -> tuple[Array, int]:
+        """Newton's method on all conditions while it comes closer; bounds stop it.
+
+        Least squares, because symmetry makes some conditions redundant and free inputs may be too
+        many: then the step is the smallest.
+        """
+        free, missed = lower < upper, self._missed(case, x, p)
+        rows = np.ones(len(BALANCES) + self.problem.residuals.shape[0], dtype=bool)
+        rows[len(BALANCES)] = case.flight_path is not None
+        for iteration in range(_NEWTON_STEPS):
+            balances, residuals, *_ = self._evaluate(x, p)
+            conditions = np.append(balances.full(), residuals.full())[rows]
+            slope = self._slope(x, p).full()[np.ix_(rows, free)]
+            step = np.zeros(len(x))
+            step[free] = np.linalg.lstsq(slope, -conditions, rcond=1e-12)[0]
+            step *= min(1.0, _LARGEST_STEP / max(np.max(np.abs(step)), _LARGEST_STEP))
+            ahead = np.clip(x + step, lower, upper)
+            left = self._missed(case, ahead, p)
+            if not left < missed or missed <= _ROUNDING:
+                return x, iteration
+            x, missed = ahead, left
+        return x, _NEWTON_STEPS
+
+    def _parameters(self, case: Case) -> Array:
+        """`PARAMETERS`; the weight is what the aircraft weighs in still, empty air."""
+        speed, density = positive("speed", case.speed), positive("density", case.density)
+        gravity = positive("gravity", case.gravity)
+        path = 0.0 if case.flight_path is None else case.flight_path
+        path = float(expression("flight_path", path, (1, 1)))
+        if not -np.pi / 2 < path < np.pi / 2:
+            raise ValueError(f"flight_path: expected an angle within ±π/2 rad, found {path}")
+        p = np.array([speed, density, gravity, np.sin(path), 1.0])
+        unknown = np.zeros(self.problem.x.shape[0])
+        heavy, weightless = (
+            self._evaluate(unknown, np.array([speed, 0.0, g, 0.0, 1.0]))[0] for g in (gravity, 0.0)
+        )
+        p[-1] = float(heavy[2] - weightless[2])
+        return p
+
+    def _bounds(self, case: Case, weight: float) -> tuple[Array, Array]:
+        """Scaled bounds; held unknowns have the same on both sides."""
+        problem, (lower, upper) = self.problem, bounds_of(self.problem)
+        units = problem.aircraft.inputs
+        sides = {}
+        for name, value in case.inputs.items():
+            held = float(
+                expression(f"inputs[{choice('inputs', name, tuple(units))!r}]", value, (1, 1))
+            )
+            sides[name] = (held, held)
+        for name in case.free:
+            choice("free", name, ("sideslip", "roll"))
+        sides |= {name: (0.0, 0.0) for name in ("sideslip", "roll") if name not in case.free}
+        for name, pair in case.bounds.items():
+            if choice("bounds", name, problem.names) in sides:
+                raise ValueError(f"bounds: {name!r} is held, not free")
+            sides[name] = tuple(expression(f"bounds[{name!r}]", pair, (2, 1)).full().ravel())
+        for name, (low, high) in sides.items():
+            if low > high:
+                raise ValueError(f"bounds[{name!r}]: expected lower <= upper, found {low}, {high}")
+            scale = weight if units.get(name) == "N" else 1.0
+            k = problem.names.index(name)
+            lower[k], upper[k] = low / scale, high / scale
+        self._check_count(case, lower, upper)
+        return lower, upper
+
+    def _check_count(self, case: Case, lower: Array, upper: Array) -> None:
+        names = self.problem.names
+        free = [n for n, a, b in zip(names, lower, upper, strict=False) if a < b]
+        conditions = 3 + (case.flight_path is not None) + 3 * bool(case.free)
+        if self.objective is None and len(free) > conditions:
+            raise ValueError(
+                f"inputs: {conditions} balances settle {conditions} of the free unknowns "
+                f"{', '.join(free)}; hold others by `inputs`, or give an objective"
+            )
+
+    def _on_path(self, case: Case) -> tuple[Array, Array]:
+        """Bounds of the climb and of the residuals of the wings."""
+        slack = np.zeros(1 + sum(self.problem.sizes))
+        slack[0] = np.inf if case.flight_path is None else 0.0
+        return -slack, slack
+
+    def _conditions(self, case: Case) -> tuple[Array, Array]:
+        """Bounds of the balances, too.
+
+        What symmetry keeps at zero is no equation there: it would be one without an unknown.
+        """
+        slack = np.zeros(len(BALANCES))
+        if not case.free:
+            slack[list(LATERAL)] = np.inf
+        low, high = self._on_path(case)
+        return np.append(-slack, low), np.append(slack, high)
+
+    def _missed(self, case: Case, x: Array, p: Array) -> float:
+        balances, residuals, *_ = self._evaluate(x, p)
+        low, high = self._on_path(case)
+        left = residuals.full().ravel()
+        left = left - np.clip(left, low, high)
+        return float(np.max(np.abs(np.append(balances.full(), left))))
+
+    def _result(
+        self,
+        case: Case,
+        p: Array,
+        x: Array,
+        bounds: tuple[Array, Array],
+        converged: bool,
+        iterations: int,
+    ) -> TrimResult:
+        problem, aircraft = self.problem, self.problem.aircraft
+        values = self._evaluate(x, p)
+        balances, residuals, attitude, velocity, drag, energy, wrenches = values
+        found = problem.unknowns(ca.DM(x), p[-1])
+        named = {name: float(found[name]) for name in problem.names}
+        q = {wing.name: found[wing.name] for wing in aircraft.beams}
+        on_body = ca.horzsplit(wrenches)[len(problem.rigid) :]
+        scales = p[-1] * np.repeat([1.0, problem.arm], 3)
+        active = active_bounds(problem, x, bounds)
+        edges = np.cumsum([1, *problem.sizes])
+        left = {
+            wing.name: float(np.max(np.abs(residuals.full()[a:b])) * p[-1] * problem.length**2)
+            for wing, (a, b) in zip(aircraft.beams, pairwise(edges), strict=True)
+        }
+        missed = self._missed(case, x, p)
+        unsettled = [n for n, r in left.items() if r > TOLERANCE * p[-1] * problem.length**2]
+        failure = failure_message(balances.full().ravel(), scales, unsettled, active)
+        success = "trimmed" if converged else "trimmed, not optimal"
+        trimmed = missed <= TOLERANCE
+        return TrimResult(
+            speed=float(p[0]),
+            **{name: named[name] for name in ANGLES},
+            flight_path=float(np.arcsin(np.clip(-float((attitude @ velocity)[2]) / p[0], -1, 1))),
+            inputs={name: named[name] for name in aircraft.inputs},
+            input_units=dict(aircraft.inputs),
+            q=q,
+            shapes={w.name: wing_shape(w.beam, q[w.name], trimmed) for w in aircraft.beams},
+            root_loads={
+                wing.name: at_root(wing, wrench).full().ravel()
+                for wing, wrench in zip(aircraft.beams, on_body, strict=True)
+            },
+            airloads=self._airloads(p, velocity, q, named),
+            strain_energy=float(energy) * p[-1],
+            drag=float(drag),
+            balances=dict(zip(BALANCES, (balances.full().ravel() * scales).tolist(), strict=True)),
+            equilibrium_residuals=left,
+            trimmed=trimmed,
+            converged=converged,
+            iterations=iterations,
+            active_bounds=active,
+            message=f"no trim at {p[0]:g} m/s: {failure}" if failure else success,
+            unknowns=x,
+        )
+
+    def _airloads(
+        self, p: Array, velocity: ca.DM, q: dict[str, ca.DM], named: dict[str, float]
+    ) -> dict[str, StripForces]:
+        flow = Flow(density=p[1], velocity=velocity)
+        found = {}
+        for wing in self.problem.aircraft.beams:
+            deflections = {name: named[name] for name in wing.strips.inputs}
+            load = AerodynamicLoad(strips=wing.strips, flow=flow, deflections=deflections)
+            found[wing.name] = strip_forces(wing.beam, q[wing.name], load)
+        return found
+
+
+def _run(
+    nlp: ca.Function, x: Array, p: Array, lower: Array, upper: Array, *sides: Array
+) -> tuple[Array, dict[str, Any]]:
+    low, high = sides[0], sides[-1]
+    solution = nlp(x0=np.clip(x, lower, upper), p=p, lbx=lower, ubx=upper, lbg=low, ubg=high)
+    return np.clip(solution["x"].full().ravel(), lower, upper), nlp.stats()

@@ -1,0 +1,1 @@
+"""What a beam is: basis, grid, section, pose, and its mirror image."""

@@ -1,0 +1,151 @@
+"""Curvature bases: the matrix Φ of K = K_0 + Φ q (Eq. 3).
+
+A basis has `n` functions; called with a station xi = s/L it gives Φ(xi), (3, n): a row each for
+torsion K_x, out-of-plane bending K_y and in-plane bending K_z, local axes; one column per weight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from curvcasadi.beam.families import Family
+from curvcasadi.symbolic.expressions import Array, count, numbers
+
+CHANNELS = ("torsion", "out_of_plane", "in_plane")
+
+
+class Basis(Protocol):
+    """What a beam asks of a basis."""
+
+    @property
+    def n(self) -> int: ...
+
+    @property
+    def labels(self) -> tuple[str, ...]: ...
+
+    @property
+    def breaks(self) -> tuple[float, ...]: ...
+
+    def __call__(self, xi: float) -> Array: ...
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelBasis:
+    """A family of functions for each channel; q stacks torsion, out_of_plane, in_plane.
+
+    Parameters
+    ----------
+    torsion, out_of_plane, in_plane : the family of K_x, K_y, K_z; None leaves K_0 there
+    """
+
+    torsion: Family | None = None
+    out_of_plane: Family | None = None
+    in_plane: Family | None = None
+
+    def __post_init__(self) -> None:
+        if not self._channels():
+            raise ValueError(
+                "ChannelBasis: expected a family for torsion, out_of_plane or in_plane, found none"
+            )
+        for name, _, family in self._channels():
+            if not (callable(family) and hasattr(family, "n")):
+                raise ValueError(
+                    f"ChannelBasis.{name}: expected a family such as Legendre(4), found {family!r}"
+                )
+
+    def _channels(self) -> list[tuple[str, int, Family]]:
+        families = (self.torsion, self.out_of_plane, self.in_plane)
+        return [
+            (name, row, family)
+            for row, (name, family) in enumerate(zip(CHANNELS, families, strict=True))
+            if family is not None
+        ]
+
+    @property
+    def n(self) -> int:
+        return sum(family.n for _, _, family in self._channels())
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        return tuple(
+            f"{name}: {label}" for name, _, family in self._channels() for label in family.labels
+        )
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return tuple(sorted({x for _, _, family in self._channels() for x in family.breaks}))
+
+    def __call__(self, xi: float) -> Array:
+        phi = np.zeros((3, self.n))
+        start = 0
+        for _, row, family in self._channels():
+            phi[row, start : start + family.n] = family(xi)
+            start += family.n
+        return phi
+
+
+@dataclass(frozen=True, eq=False)
+class VectorBasis:
+    """Coupled basis functions, each a curvature vector along the span, as Eq. 3 has them.
+
+    Parameters
+    ----------
+    function : xi -> (3, n), dimensionless
+    n : number of functions
+    breaks : interior points at which a function or its slope jumps
+    labels : a name per function; "coupled: k" unless given
+    """
+
+    function: Callable[[float], Array]
+    n: int
+    breaks: tuple[float, ...] = ()
+    labels: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        count("VectorBasis.n", self.n)
+        if not callable(self.function):
+            raise ValueError(f"VectorBasis.function: expected a function, found {self.function!r}")
+        if not all(0 < x < 1 for x in self.breaks):
+            raise ValueError(f"VectorBasis.breaks: expected numbers in (0, 1), found {self.breaks}")
+        object.__setattr__(self, "breaks", tuple(sorted(self.breaks)))
+        labels = tuple(self.labels) or tuple(f"coupled: {k}" for k in range(self.n))
+        if len(labels) != self.n:
+            raise ValueError(f"VectorBasis.labels: expected {self.n} names, found {self.labels}")
+        object.__setattr__(self, "labels", labels)
+        for xi in (0.0, 0.5, 1.0):
+            self(xi)
+
+    def __call__(self, xi: float) -> Array:
+        phi = numbers(f"VectorBasis.function at xi = {xi}", self.function(xi))
+        if phi.shape != (3, self.n):
+            raise ValueError(
+                f"VectorBasis.function: expected finite (3, {self.n}) at xi = {xi}, "
+                f"found {phi.tolist()}"
+            )
+        return phi
+
+
+@dataclass(frozen=True, eq=False)
+class MirroredBasis:
+    """The basis of the other half wing: rows by diag(−1, −1, 1), weights unchanged."""
+
+    original: Basis
+
+    @property
+    def n(self) -> int:
+        return self.original.n
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        return self.original.labels
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return self.original.breaks
+
+    def __call__(self, xi: float) -> Array:
+        return np.diag([-1.0, -1.0, 1.0]) @ self.original(xi)

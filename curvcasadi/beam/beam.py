@@ -1,0 +1,148 @@
+"""The description of a beam."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.beam.basis import Basis
+from curvcasadi.beam.grid import COINCIDENT, Grid
+from curvcasadi.beam.pose import Pose
+from curvcasadi.beam.section import Body, Section
+from curvcasadi.symbolic.expressions import (
+    AnyExpr,
+    Array,
+    Number,
+    expression,
+    instance,
+    is_numeric,
+    positive,
+    rotation_matrix,
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Beam:
+    """An inextensible, unshearable beam whose curvature is K = K_0 + Φ q (Eq. 3).
+
+    `length`, `root`, `initial_curvature` and the fields of `section` may hold CasADi symbols.
+    """
+
+    length: Number  #: L, m
+    basis: Basis  #: Φ; weights q in rad/m
+    grid: Grid  #: elements and integration rule
+    section: Section | None = None  #: needed by what depends on stiffness or mass
+    root: Pose = field(default_factory=Pose.identity)  #: local frame at xi = 0, parent axes
+    initial_curvature: Number | None = None  #: K_0 (3,), rad/m, local axes, or a function of xi
+    weight_bounds: Number | None = None  #: rad/m: b, (b_1 … b_n), or a pair (lower, upper)
+    bodies: tuple[Body, ...] = ()  #: rigid bodies fixed to stations
+    _bounds: tuple[Array, Array] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "length", positive("Beam.length", self.length))
+        for name, kind in (("grid", Grid), ("root", Pose)):
+            if not isinstance(getattr(self, name), kind):
+                raise ValueError(
+                    f"Beam.{name}: expected a {kind.__name__}, found {getattr(self, name)!r}"
+                )
+        rotation_matrix("Beam.root.rotation", self.root.rotation)
+        object.__setattr__(self, "bodies", tuple(self.bodies or ()))
+        for body in self.bodies:
+            instance("Beam.bodies", body, Body)
+        if self.section is not None and not isinstance(self.section, Section):
+            raise ValueError(f"Beam.section: expected a Section, found {self.section!r}")
+        n = getattr(self.basis, "n", 0)
+        if not (callable(self.basis) and n >= 1 and np.shape(self.basis(0.5)) == (3, n)):
+            raise ValueError(
+                "Beam.basis: expected a basis such as ChannelBasis(out_of_plane=Legendre(4)), "
+                f"found {self.basis!r}"
+            )
+        if self.initial_curvature is not None and not callable(self.initial_curvature):
+            expression("Beam.initial_curvature", self.initial_curvature, (3, 1))
+        object.__setattr__(self, "_bounds", self._validated_bounds())
+
+    def _validated_bounds(self) -> tuple[Array, Array]:
+        n, bounds = self.basis.n, self.weight_bounds
+        if bounds is None:
+            return np.full(n, -np.inf), np.full(n, np.inf)
+        try:
+            lower, upper = (
+                np.array(np.broadcast_to(np.asarray(side, dtype=float), (n,)))
+                for side in (bounds if isinstance(bounds, tuple) else (-np.asarray(bounds), bounds))
+            )
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"Beam.weight_bounds: expected a number, {n} numbers or a pair (lower, upper) of "
+                f"these, found {bounds!r}"
+            ) from None
+        if not np.all(lower <= upper):  # also refuses NaN
+            raise ValueError(
+                "Beam.weight_bounds: expected lower bounds not above upper ones, "
+                f"found {lower.tolist()} and {upper.tolist()}"
+            )
+        return lower, upper
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds (n,) of the weights, rad/m; infinite where none is declared."""
+        lower, upper = self._bounds
+        return lower.copy(), upper.copy()
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Interior xi that no element crosses: breaks of the basis, K_0 and the section."""
+        sources = (self.basis, self.initial_curvature, self.section)
+        points = [x for source in sources for x in getattr(source, "breaks", ())]
+        return merged_breaks([*points, *(body.xi for body in self.bodies)])
+
+    @property
+    def stations(self) -> Array:
+        """Element boundaries xi (N + 1,) from 0 to 1; every break is one."""
+        return self.grid.stations(self.breaks)
+
+    def initial_curvature_at(self, xi: float) -> AnyExpr:
+        """K_0 (3, 1), rad/m, local axes, at the station `xi`."""
+        k0 = self.initial_curvature
+        if k0 is None:
+            return ca.DM.zeros(3)
+        if callable(k0):
+            return expression(f"Beam.initial_curvature at xi = {xi:g}", k0(xi), (3, 1))
+        return expression("Beam.initial_curvature", k0, (3, 1))
+
+    @property
+    def design_symbols(self) -> dict[str, AnyExpr]:
+        """Fields that shape the beam and hold CasADi symbols, by name."""
+        stations = self.stations
+        sampled = np.concatenate([stations, (stations[1:] + stations[:-1]) / 2])
+        k0 = self.initial_curvature
+        fields = {
+            "Beam.length": self.length,
+            "Beam.root.rotation": self.root.rotation,
+            "Beam.root.position": self.root.position,
+            "Beam.initial_curvature": ca.vertcat(
+                *(self.initial_curvature_at(xi) for xi in (sampled if callable(k0) else [0.0]))
+            ),
+        }
+        return {name: value for name, value in fields.items() if not is_numeric(value)}
+
+
+def merged_breaks(points: Iterable[float]) -> tuple[float, ...]:
+    """Sorted interior stations without near-coincident ones."""
+    ordered = sorted(float(x) for x in points)
+    if not all(0 <= x <= 1 for x in ordered):
+        raise ValueError(f"breaks: expected numbers in [0, 1], found {ordered}")
+    kept: list[float] = []
+    for x in ordered:
+        if x - (kept[-1] if kept else 0.0) > COINCIDENT and 1.0 - x > COINCIDENT:
+            kept.append(x)
+    return tuple(kept)
+
+
+def numeric_length(beam: Beam, purpose: str) -> float:
+    """The length of `beam`, m, where `purpose` needs a number."""
+    if not is_numeric(beam.length):
+        raise ValueError(f"Beam.length: {purpose} needs a number, found the symbol {beam.length}")
+    return float(beam.length)

@@ -1,0 +1,199 @@
+"""Families of scalar functions on [0, 1], from which curvature bases are made.
+
+Every family is dimensionless, has `n` functions, `breaks` (interior points at which its smoothness
+ends, so that no grid element crosses them) and maps a station xi = s/L to the (n,) function values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.polynomial import chebyshev, legendre
+from scipy.interpolate import BSpline as ScipyBSpline
+from scipy.interpolate import make_interp_spline
+from scipy.optimize import brentq
+
+from curvcasadi.symbolic.expressions import Array, count, numbers
+
+
+class Family(Protocol):
+    """What a curvature basis asks of a family."""
+
+    @property
+    def n(self) -> int: ...
+
+    @property
+    def breaks(self) -> tuple[float, ...]: ...
+
+    @property
+    def labels(self) -> tuple[str, ...]: ...
+
+    def __call__(self, xi: float) -> Array: ...
+
+
+@dataclass(frozen=True)
+class _Counted:
+    """A family given by its number of functions."""
+
+    n: int
+
+    def __post_init__(self) -> None:
+        count(f"{type(self).__name__}.n", self.n)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return ()
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        return tuple(f"{type(self).__name__} {k}" for k in range(self.n))
+
+
+@dataclass(frozen=True)
+class Legendre(_Counted):
+    """Legendre polynomials P_k(2 xi − 1), k = 0 … n − 1."""
+
+    def __call__(self, xi: float) -> Array:
+        return np.asarray(legendre.legval(2 * xi - 1, np.eye(self.n)))
+
+
+@dataclass(frozen=True)
+class Chebyshev(_Counted):
+    """Chebyshev polynomials T_k(2 xi − 1), k = 0 … n − 1."""
+
+    def __call__(self, xi: float) -> Array:
+        return np.asarray(chebyshev.chebval(2 * xi - 1, np.eye(self.n)))
+
+
+@dataclass(frozen=True)
+class Monomial(_Counted):
+    """Powers xi^k, k = 0 … n − 1."""
+
+    def __call__(self, xi: float) -> Array:
+        return np.asarray(xi ** np.arange(self.n), dtype=float)
+
+
+@dataclass(frozen=True)
+class PiecewiseConstant(_Counted):
+    """One on the k-th of n equal segments, zero elsewhere; right-continuous, the tip included."""
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return tuple(k / self.n for k in range(1, self.n))
+
+    def __call__(self, xi: float) -> Array:
+        segment = np.searchsorted(self.breaks, xi, side="right")
+        return np.asarray(np.eye(self.n)[segment])
+
+
+@dataclass(frozen=True)
+class BSpline(_Counted):
+    """Clamped B-splines on uniform knots; they sum to one.
+
+    Parameters
+    ----------
+    n : number of functions, at least degree + 1
+    degree : polynomial degree, at least 0; 3 is cubic
+    """
+
+    degree: int = 3
+
+    def __post_init__(self) -> None:
+        count("BSpline.degree", self.degree, least=0)
+        count("BSpline.n", self.n, least=self.degree + 1)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        segments = self.n - self.degree
+        return tuple(k / segments for k in range(1, segments))
+
+    def __call__(self, xi: float) -> Array:
+        end = np.ones(self.degree + 1)
+        knots = np.concatenate([0 * end, self.breaks, end])
+        return np.asarray(ScipyBSpline(knots, np.eye(self.n), self.degree)(xi))
+
+
+@dataclass(frozen=True)
+class CantileverModes(_Counted):
+    """Curvatures φ''_k of the bending modes of a uniform cantilever, scaled to 1 at the root.
+
+    φ''(xi) ∝ cosh βxi + cos βxi − σ (sinh βxi + sin βxi), cos β cosh β = −1,
+    σ = (cosh β + cos β)/(sinh β + sin β); they vanish at the free tip. The growing exponential is
+    factored out, so that high modes do not cancel.
+    """
+
+    def __call__(self, xi: float) -> Array:
+        beta = np.array([_cantilever_root(k) for k in range(self.n)])
+        decay = np.exp(-beta)
+        scale = 1 - decay**2 + 2 * decay * np.sin(beta)  # 2 e^−β (sinh β + sin β)
+        rising = (np.sin(beta) - np.cos(beta) - decay) / scale  # (1 − σ) e^β/2
+        sigma = (1 + decay**2 + 2 * decay * np.cos(beta)) / scale
+        return np.asarray(
+            rising / 2 * np.exp(beta * (xi - 1))
+            + (1 + sigma) / 4 * np.exp(-beta * xi)
+            + (np.cos(beta * xi) - sigma * np.sin(beta * xi)) / 2
+        )
+
+
+def _cantilever_root(k: int) -> float:
+    """k-th positive root, from 0, of cos β cosh β = −1."""
+    return float(
+        brentq(
+            lambda beta: np.cos(beta) + 1 / np.cosh(beta), k * np.pi, (k + 1) * np.pi, xtol=1e-15
+        )
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Tabulated:
+    """A family from samples: one function per column, interpolated.
+
+    Parameters
+    ----------
+    xi : (m,) increasing stations from 0 to 1
+    values : (m, n) samples, one function per column
+    degree : 1, linear, with a break at every interior sample; or 3, a cubic spline without breaks
+    """
+
+    xi: Array
+    values: Array
+    degree: int = 1
+    _spline: Callable[[float], Any] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        xi, values = numbers("Tabulated.xi", self.xi), numbers("Tabulated.values", self.values)
+        if self.degree not in (1, 3):
+            raise ValueError(f"Tabulated.degree: expected 1 or 3, found {self.degree!r}")
+        if xi.ndim != 1 or len(xi) <= self.degree or np.any(np.diff(xi) <= 0):
+            raise ValueError(
+                f"Tabulated.xi: expected more than {self.degree} increasing stations, "
+                f"found {xi.tolist()}"
+            )
+        if xi[0] != 0 or xi[-1] != 1:
+            raise ValueError(f"Tabulated.xi: expected 0 to 1, found {xi[0]} to {xi[-1]}")
+        if values.ndim != 2 or len(values) != len(xi) or values.shape[1] == 0:
+            raise ValueError(
+                f"Tabulated.values: expected shape ({len(xi)}, n), found {values.shape}"
+            )
+        for name, array in (("xi", xi), ("values", values)):
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "_spline", make_interp_spline(xi, values, k=self.degree))
+
+    @property
+    def n(self) -> int:
+        return int(self.values.shape[1])
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return tuple(float(x) for x in self.xi[1:-1]) if self.degree == 1 else ()
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        return tuple(f"Tabulated {k}" for k in range(self.n))
+
+    def __call__(self, xi: float) -> Array:
+        return np.asarray(self._spline(xi))

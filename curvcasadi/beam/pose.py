@@ -1,0 +1,43 @@
+"""Poses: attitude and position of one frame in another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from curvcasadi.symbolic.expressions import AnyExpr, Number, expression
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Pose:
+    """A local frame in a parent frame, T = (R, p). Fields may be CasADi expressions."""
+
+    rotation: Number  #: R (3, 3), local to parent; its columns are the local axes
+    position: Number  #: p (3, 1), m, parent axes
+
+    def __post_init__(self) -> None:
+        for name, shape in (("rotation", (3, 3)), ("position", (3, 1))):
+            value = expression(f"Pose.{name}", getattr(self, name), shape)
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def identity(cls) -> Pose:
+        """The parent frame itself."""
+        return cls(rotation=ca.DM.eye(3), position=ca.DM.zeros(3))
+
+    @property
+    def deformation_map(self) -> AnyExpr:
+        """D = Rᵀ (3, 3), parent to local (Eqs. 2 and 9)."""
+        return self.rotation.T
+
+    def __matmul__(self, other: Pose) -> Pose:
+        """This pose followed by `other`, which is given in this local frame."""
+        return Pose(
+            rotation=self.rotation @ other.rotation,
+            position=self.position + self.rotation @ other.position,
+        )
+
+    def inverse(self) -> Pose:
+        """The parent frame in the local frame: (Rᵀ, −Rᵀ p)."""
+        return Pose(rotation=self.rotation.T, position=-(self.rotation.T @ self.position))

@@ -1,0 +1,324 @@
+"""The command `curvcasadi estimate`: the shape of a wing from a log of its sensors."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from itertools import chain as joined
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from curvcasadi.beam.basis import CHANNELS
+from curvcasadi.beam.beam import Beam
+from curvcasadi.estimation.ekf.consistency import Tally, summary
+from curvcasadi.estimation.ekf.stream import History, Point, RowStepper, compiled, row_function
+from curvcasadi.files.estimation import INPUT_COLUMNS, EstimationFile, load_estimation
+from curvcasadi.files.log import LogRow, read_log
+from curvcasadi.symbolic.expressions import Array
+
+HELP = """\
+The shape of a wing along a log of its sensors, by an extended Kalman filter.
+
+wing.toml has, besides beam, basis and grid (ocp_examples/hale_wing_imus.toml is one):
+  [[sensors]]              for each: kind, xi, and optionally name and bias
+    rate_gyro, accelerometer, magnetometer    noise_density, rate (Hz); offset, mounting
+    attitude                                  noise (rad); mounting
+    strain_gauge, shear_gauge                 noise; the former with its offset = [y, z]
+    marker, camera                            noise; offset; a camera with its pose
+  [estimation]             process = "random_walk" or "white_acceleration", density; for gyros in a
+                           random walk rate, for accelerometers acceleration and gravity; gate,
+                           iterations, attitude, root_gyro_density, gyro_bias, bias_density,
+                           magnetic_field, parent (pose), twist, twist_rate, root_inputs
+  [estimation.deviation]   standard deviations at the start: q, q_dot, attitude, gyro_bias,
+                           root_gyro_bias, as far as the filter has them; [estimation.mean] likewise
+
+log.csv: the first line names the columns, in any order:
+  time                     s, increasing from line to line; steps may differ
+  <sensor>_<component>     a column for each value measured, in the sensor's unit: gyro_1_x,
+                           gyro_1_y, ..., attitude_1_R_xx, ..., camera_1_u; strain_1. A sensor
+                           without a name is called by its kind and its number among its kind
+  root_omega_x, ...        what root_inputs of [estimation] asks for: root_omega_ and root_v_ (x, y,
+                           z), root_omega_dot_, root_v_dot_, parent_position_, parent_R_ (xx ... zz)
+An empty cell, or nan, is a missing sample: sensors may have different rates. Motion of the root
+keeps its last value. A log is read line by line, whatever its length.
+
+--out shape.csv: a line for each line of the log: time; q0, q1, ... (rad/m) and their standard
+deviations std_q0, ...; q_dot0, ... and biases where the filter has them; tip_x, tip_y, tip_z (m,
+parent axes) and std_tip_x, ...; the same for --stations, as xi_0.5_x, ...
+
+A wrong line ends the command with an error; the output has what stands before it, as it has after
+Ctrl-C. A last line that was cut off (no line end, too few cells, or half a number at the end) is
+left out with a warning, and no error.
+
+exit codes: 0; 2 after an error in the input; 130 after Ctrl-C.
+"""
+
+#: Most samples that a figure keeps, and seconds between writes.
+MOST_SAMPLES, BETWEEN_WRITES = 2000, 0.5
+#: Largest entry of Rᵀ R − I of what counts as a rotation: three digits are enough, and nothing
+#: passes that the filter takes for missing, as no rotation to 1e-2.
+ROTATION_TOLERANCE = 3.5e-3
+MOST_WAITING = 256  #: lines that are written together
+FIGURES = (".png", ".pdf", ".svg")
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command to the subparsers of `argparse`."""
+    parser = commands.add_parser(
+        "estimate",
+        help="shape of a wing along a log of its sensors",
+        description=HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("wing", type=Path, metavar="WING.toml", help="wing file with sensors")
+    parser.add_argument("log", type=Path, metavar="LOG.csv", help="what the sensors measured")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE.csv", help="estimates")
+    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="tip and weights over time")
+    parser.add_argument(
+        "--stations", metavar="XI,XI,...", help="further stations s/L whose positions are written"
+    )
+    parser.add_argument(
+        "--compile",
+        action="store_true",
+        help="compile the filter with gcc: takes seconds, then ten times as fast",
+    )
+    parser.add_argument("--no-progress", action="store_true", help="no progress bar")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Estimate line by line, write, and print a summary; returns the exit code."""
+    points = [Point("tip", 1.0), *_stations(arguments.stations)]
+    _check_paths(arguments)
+    wing = load_estimation(arguments.wing)
+    warnings: list[str] = []
+    rows = read_log(arguments.log, [*wing.columns.inputs, *wing.columns.values], warnings.append)
+    first = next(rows)
+    row = row_function(wing.ekf, points)
+    function = compiled(row.function) if arguments.compile else row.function
+    estimation = _Estimation(arguments, wing, RowStepper(function, wing.start), row.columns, first)
+    code = 0
+    began = time.perf_counter()
+    try:
+        with _lines(arguments.out) as write, _progress(arguments) as show:
+            write(",".join(("time", *row.columns)))
+            for at in joined([first], rows):
+                write(estimation.step(at))
+                show(at.end)
+    except KeyboardInterrupt:
+        warnings.append(f"interrupted: the log was read up to {estimation.time:g} s")
+        code = 130
+    except ValueError as error:
+        raise ValueError(
+            f"{error}\nsamples before that line: {estimation.count}, estimates of all of them in "
+            f"{arguments.out}"
+        ) from None
+    seconds = time.perf_counter() - began
+    print(summary(estimation.tally, estimation.count, estimation.time - first.time))
+    if estimation.outside:
+        print(
+            f"weights are outside weight_bounds in {estimation.outside} samples, first "
+            f"{estimation.left}: estimates are wrong there, or bounds too narrow"
+        )
+    print(f"\n{estimation.count / seconds:.0f} samples a second")
+    print(f"wrote {arguments.out}")
+    if not estimation.tally.seen.any():
+        warnings.append(f"{arguments.log}: no cell has a sample; estimates are a prediction")
+    if arguments.plot:
+        _plot(arguments.plot, wing.beam, estimation.history.series)
+        print(f"wrote {arguments.plot}")
+    for warning in warnings:
+        print(f"curvcasadi: warning: {warning}", file=sys.stderr)
+    return code
+
+
+def _stations(text: str | None) -> list[Point]:
+    """Points of --stations."""
+    points = []
+    for entry in text.split(",") if text else []:
+        try:
+            xi = float(entry)
+        except ValueError:
+            xi = math.nan
+        if not 0 <= xi <= 1:
+            raise ValueError(
+                f"--stations: expected numbers from 0 to 1 separated by commas, found {entry!r}"
+            )
+        points.append(Point(f"xi_{entry.strip()}", xi))
+    if len({point.xi for point in points}) < len(points):
+        raise ValueError(f"--stations: expected each station once, found {text}")
+    return points
+
+
+def _check_paths(arguments: argparse.Namespace) -> None:
+    """What would else fail after the whole log, or destroy it."""
+    for option, endings in (("out", (".csv",)), ("plot", FIGURES)):
+        path = getattr(arguments, option)
+        if path is None:
+            continue
+        if path.suffix.lower() not in endings:
+            raise ValueError(
+                f"--{option} {path}: expected a file name that ends in {' or '.join(endings)}"
+            )
+        if path.is_dir():
+            raise ValueError(f"--{option} {path}: expected a file name, found a directory")
+        if not path.parent.is_dir():
+            raise ValueError(
+                f"--{option} {path}: expected an existing directory {path.parent}, found none: "
+                "make it first"
+            )
+        for given in (arguments.wing, arguments.log):
+            if path.exists() and given.exists() and path.samefile(given):
+                raise ValueError(
+                    f"--{option} {path}: expected another file than the input {given}, which would "
+                    "be overwritten"
+                )
+
+
+@contextmanager
+def _lines(path: Path) -> Iterator[Callable[[str], None]]:
+    """Writes lines to a file, in blocks of whole ones, so that a file never ends within one."""
+    waiting: list[str] = []
+    written = time.monotonic()
+
+    with path.open("wb", buffering=0) as file:
+
+        def write_all() -> None:
+            nonlocal written
+            # Forgotten before they are written: none comes twice if this is interrupted.
+            block = "".join(waiting).encode()
+            waiting.clear()
+            try:
+                while block:
+                    block = block[file.write(block) :]
+            except OSError as error:
+                raise type(error)(error.errno, error.strerror, str(path)) from None
+            written = time.monotonic()
+
+        def write(line: str) -> None:
+            waiting.append(f"{line}\n")
+            if len(waiting) >= MOST_WAITING or time.monotonic() > written + BETWEEN_WRITES:
+                write_all()
+
+        try:
+            yield write
+        finally:
+            write_all()
+
+
+@contextmanager
+def _progress(arguments: argparse.Namespace) -> Iterator[Callable[[int], Any]]:
+    """A bar of the bytes read, on a terminal."""
+    total = arguments.log.stat().st_size or None  # none of a pipe
+    off = True if arguments.no_progress else None
+    with tqdm(desc="estimate", total=total, unit="B", unit_scale=True, disable=off) as bar:
+        yield lambda end: bar.update(end - bar.n)
+
+
+class _Estimation:
+    """A filter on its way along a log."""
+
+    def __init__(
+        self,
+        arguments: argparse.Namespace,
+        wing: EstimationFile,
+        stepper: RowStepper,
+        columns: Sequence[str],
+        first: LogRow,
+    ) -> None:
+        self.time = first.time
+        self.count = self.outside = 0
+        self.left = ""  #: where weights were first outside their bounds, in words
+        self.history = History(columns, MOST_SAMPLES)
+        self._log, self._wing, self._stepper = arguments.log, wing, stepper
+        self.tally = Tally.of(wing.ekf.channels)
+        names = wing.columns.inputs
+        self._known = np.full(len(names), np.nan)
+        self._places = {key: [names.index(n) for n in INPUT_COLUMNS[key]] for key in wing.inputs}
+        self._attitudes = _attitudes(wing)
+        self._form = ",".join(["%.9g"] * len(columns))
+        self._lower, self._upper = wing.beam.bounds
+
+    def step(self, row: LogRow) -> str:
+        """The line of the output."""
+        stepper, values = self._stepper, np.array(row.values)
+        for where in self._attitudes:
+            self._check_attitude(row, where, values[where])
+        if self._known.size:
+            self._know(row, values[: self._known.size])
+            values = values[self._known.size :]
+        stepper.inputs["measured"][:] = values
+        stepper.inputs["dt"][:] = row.time - self.time
+        stepper.step()
+        if not np.isfinite(stepper.shown).all():
+            since = f"; weights left weight_bounds {self.left}" if self.outside else ""
+            raise ValueError(
+                f"{self._log}: line {row.line}: expected an estimate, found one that is no "
+                f"number{since}: check the units of the log, time in s, and noise, density and "
+                "deviation"
+            )
+        q = stepper.shown[: self._lower.size]
+        if (q < self._lower).any() or (q > self._upper).any():
+            if not self.outside:
+                self.left = f"in line {row.line}, {row.time - self.time:g} s after the one before"
+            self.outside += 1
+        self.time = row.time
+        self.count += 1
+        self.tally.add(values, stepper.innovation, stepper.used)
+        self.history.add(row.time, stepper.shown)
+        return f"{row.time!r},{self._form % (*stepper.shown,)}"
+
+    def _check_attitude(self, row: LogRow, where: slice, entries: Array) -> None:
+        matrix = entries.reshape(3, 3)  # its transpose: entries stand by columns
+        if np.isnan(matrix).any():
+            return
+        error = np.abs(matrix @ matrix.T - np.eye(3)).max()
+        fault = "a reflection" if np.linalg.det(matrix) < 0 else ""
+        if error > ROTATION_TOLERANCE:
+            fault = f"entries up to {error:.2g}"
+        if fault:
+            names = [*self._wing.columns.inputs, *self._wing.columns.values][where]
+            raise ValueError(
+                f"{self._log}: line {row.line}, columns {names[0]} to {names[-1]}: expected a "
+                "rotation matrix R by columns, entries of RᵀR − I up to "
+                f"{ROTATION_TOLERANCE:g}, found {fault}: {entries.tolist()}"
+            )
+
+    def _know(self, row: LogRow, given: Array) -> None:
+        """Motion of the root keeps its last value."""
+        np.copyto(self._known, given, where=~np.isnan(given))
+        if np.isnan(self._known).any():
+            column = self._wing.columns.inputs[int(np.isnan(self._known).argmax())]
+            raise ValueError(
+                f"{self._log}: line {row.line}, column {column}: expected a number in the first "
+                "sample, as motion of the root keeps its last value; found a missing one"
+            )
+        for key, places in self._places.items():
+            self._stepper.inputs[key][:] = self._known[places]
+
+
+def _attitudes(wing: EstimationFile) -> list[slice]:
+    """Where rows of a log hold the nine entries of rotation matrices."""
+    names = [*wing.columns.inputs, *wing.columns.values]
+    return [slice(k, k + 9) for k, name in enumerate(names) if name.endswith("R_xx")]
+
+
+def _plot(path: Path, beam: Beam, series: dict[str, Array]) -> None:
+    from curvcasadi.plotting import (
+        shape as plotting,  # matplotlib takes longer to load than a short log
+    )
+    from curvcasadi.plotting.estimate import plot_estimate
+
+    tip = {f"${axis}$": f"tip_{axis}" for axis in "xyz"}
+    weights: dict[str, dict[str, str]] = {}
+    for k, label in enumerate(beam.basis.labels):
+        channel = next((c for c in CHANNELS if label.startswith(c)), "weights")
+        weights.setdefault(channel.replace("_", "-"), {})[f"$q_{{{k}}}$"] = f"q{k}"
+    plotting.save_figure(plot_estimate(series, tip, weights), path)

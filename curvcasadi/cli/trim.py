@@ -1,0 +1,300 @@
+"""The command `curvcasadi trim`: a flexible aircraft in steady level flight."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from curvcasadi.aircraft.balance import Aircraft, Wing
+from curvcasadi.aircraft.trim import STANDARD_GRAVITY, trim_sweep
+from curvcasadi.aircraft.trim_problem import OBJECTIVES
+from curvcasadi.aircraft.trim_result import TrimResult
+from curvcasadi.errors import ConvergenceError
+from curvcasadi.files.aircraft import load_aircraft, load_density
+from curvcasadi.kinematics.shape import poses
+from curvcasadi.symbolic.expressions import Array
+
+HELP = """\
+Level flight of the aircraft of an aircraft file: the angle of attack, the pitch angle, the inputs
+(thrusts and deflections) and the shapes of the wings at which everything balances.
+
+conditions, in SI units and radians:
+  --speed 25                       m/s; again for more speeds, or first:last:step, as 20:30:2
+  --density 0.0889                 of the air, kg/m3
+  --hold elevator=0.05             an input that is held, N or rad; all others are free
+  --objective drag                 chooses where free inputs are more than the balances settle
+  --free roll                      lets the aircraft bank, or sideslip; otherwise these are zero
+
+outputs:
+  --out trim.csv    a line for each speed: SI units, radians, root moments in root axes, balances
+                    in body axes, weights of the wings (rad/m)
+  --plot trim.png   the trimmed wings from behind, and the lift along their span
+
+exit codes: 0; 2 after an error in the input; 3 if a speed cannot be trimmed: the message has what
+does not balance, by how much, and which bounds hold.
+"""
+
+#: Colours of the first speed of a sweep and of the last, red, green and blue.
+SLOWEST, FASTEST = (0.10, 0.25, 0.65), (0.90, 0.45, 0.05)
+LARGEST_LEGEND = 7
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command to the subparsers of `argparse`."""
+    parser = commands.add_parser(
+        "trim",
+        help="steady level flight of a flexible aircraft",
+        description=HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("aircraft", type=Path, metavar="AIRCRAFT.toml", help="aircraft file")
+    parser.add_argument(
+        "--speed", action="append", required=True, metavar="V|FIRST:LAST:STEP", help="m/s"
+    )
+    parser.add_argument("--density", type=float, help="kg/m3; unless it stands in the file")
+    parser.add_argument("--gravity", type=float, default=STANDARD_GRAVITY, help="m/s2")
+    parser.add_argument("--hold", action="append", default=[], metavar="NAME=VALUE", help="N, rad")
+    parser.add_argument("--free", action="append", default=[], choices=("sideslip", "roll"))
+    parser.add_argument("--objective", choices=OBJECTIVES, help="what to make least")
+    parser.add_argument("--out", type=Path, metavar="FILE.csv", help="table")
+    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="trimmed wings")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Trim at every speed, print, and write what was asked for; returns the exit code."""
+    if arguments.out and arguments.out.suffix.lower() != ".csv":
+        raise ValueError(f"{arguments.out}: expected a file name that ends in .csv")
+    speeds = [speed for text in arguments.speed for speed in _speeds(text)]
+    aircraft = load_aircraft(arguments.aircraft)
+    if arguments.density is None:
+        arguments.density = load_density(arguments.aircraft)
+    if arguments.density is None:
+        raise ValueError(
+            f"--density: expected kg/m3 here or as density under [air] of {arguments.aircraft}, "
+            "found neither"
+        )
+    try:
+        results = trim_sweep(
+            aircraft,
+            speeds,
+            density=arguments.density,
+            gravity=arguments.gravity,
+            free=arguments.free,
+            inputs=_held(arguments.hold, aircraft),
+            objective=arguments.objective,
+            progress=len(speeds) > 1,
+        )
+    except ValueError as error:
+        raise ValueError(_by_options(str(error))) from None
+    trimmed = [result for result in results if result.trimmed]
+    if trimmed:
+        print(f"density {arguments.density:g} kg/m3, gravity {arguments.gravity:g} m/s2\n")
+        print(f"{_flight_table(results)}\n\n{_wing_table(results)}")
+        _write(arguments, aircraft, results)
+    missed = [result for result in results if not result.trimmed]
+    if missed:
+        raise ConvergenceError(_by_options("\n".join(r.message for r in missed)), missed[0])
+    return 0
+
+
+def _by_options(message: str) -> str:
+    """A message of `trim` with the options of the command in place of the arguments."""
+    options = {"`inputs`": "--hold", "`free`": "--free", "an objective": "--objective"}
+    for argument, option in options.items():
+        message = message.replace(argument, option)
+    return message
+
+
+def _speeds(text: str) -> list[float]:
+    """Speeds of an option: one, or those from first to last, both included."""
+    try:
+        numbers = [float(part) for part in text.split(":")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (1, 3) or not all(math.isfinite(v) and v > 0 for v in numbers):
+        raise ValueError(
+            f"--speed: expected a speed in m/s, or first:last:step, all above zero; found {text!r}"
+        )
+    if len(numbers) == 1:
+        return numbers
+    first, last, step = numbers
+    if last < first:
+        raise ValueError(f"--speed: expected first:last:step with first <= last; found {text!r}")
+    return [first + k * step for k in range(math.floor((last - first) / step * (1 + 1e-9)) + 1)]
+
+
+def _held(options: Sequence[str], aircraft: Aircraft) -> dict[str, float]:
+    """Inputs that are held, by name."""
+    held: dict[str, float] = {}
+    known = ", ".join(aircraft.inputs) or "none"
+    for text in options:
+        name, _, value = (part.strip() for part in text.partition("="))
+        if name not in aircraft.inputs or name in held:
+            raise ValueError(f"--hold: expected each of the inputs {known} once; found {text!r}")
+        try:
+            held[name] = float(value)
+        except ValueError:
+            held[name] = math.nan
+        if not math.isfinite(held[name]):
+            unit = aircraft.inputs[name]
+            raise ValueError(f"--hold: expected {name}=a number in {unit}; found {text!r}")
+    return held
+
+
+def _flight_table(results: Sequence[TrimResult]) -> str:
+    """A row for each speed: angles, inputs, and the largest force and moment that are left."""
+    rows = []
+    for result in results:
+        row = {"V [m/s]": f"{result.speed:.5g}"}
+        angles = {"alpha": result.angle_of_attack, "pitch": result.pitch}
+        if any(r.sideslip or r.roll for r in results):
+            angles |= {"sideslip": result.sideslip, "roll": result.roll}
+        row |= {f"{name} [deg]": f"{np.degrees(value):.3f}" for name, value in angles.items()}
+        for name, value in result.inputs.items():
+            thrust = result.input_units[name] == "N"
+            row[f"{name} [{'N' if thrust else 'deg'}]"] = (
+                f"{value if thrust else np.degrees(value):.3f}"
+            )
+        left = np.abs(list(result.balances.values()))
+        row["drag [N]"] = f"{result.drag:.3f}"
+        row["unbalanced [N]"] = f"{left[:3].max():.1e}"
+        row["unbalanced [N m]"] = f"{left[3:].max():.1e}"
+        row["state"] = result.message if result.trimmed else "not trimmed"
+        row["held by"] = "; ".join(result.active_bounds) or "-"
+        rows.append(row)
+    return (
+        "angles and inputs; largest force and moment that do not balance, body axes\n"
+        f"{_columns(rows)}"
+    )
+
+
+def _wing_table(results: Sequence[TrimResult]) -> str:
+    """A row for each speed and wing: tip, moments at the root, and what is left of equilibrium."""
+    rows = []
+    for result in results:
+        for name in result.shapes:
+            row = {"V [m/s]": f"{result.speed:.5g}", "wing": name}
+            row["tip height [m]"] = f"{_tip_height(result, name):.4f}"
+            moments = result.root_loads[name][:3]
+            row |= {
+                f"M_{axis} [N m]": f"{moment + 0.0:.2f}"
+                for axis, moment in zip("xyz", moments, strict=True)
+            }
+            row["residual [N m2]"] = f"{result.equilibrium_residuals[name]:.1e}"
+            rows.append(row)
+    return (
+        "tips above the roots, along -z of the body; moments on the body at the roots, root axes:\n"
+        "torsion, out-of-plane and in-plane bending\n"
+        f"{_columns(rows)}"
+    )
+
+
+def _columns(rows: Sequence[dict[str, str]]) -> str:
+    widths = {key: max(len(key), *(len(row[key]) for row in rows)) for key in rows[0]}
+    lines = [dict(zip(widths, widths, strict=True)), *rows]
+    return "\n".join(
+        "  ".join(line[key].rjust(width) for key, width in widths.items()) for line in lines
+    )
+
+
+def _tip_height(result: TrimResult, wing: str) -> float:
+    shape = result.shapes[wing]
+    return float(shape.poses[0].position[2] - shape.tip.position[2])
+
+
+def _write(
+    arguments: argparse.Namespace, aircraft: Aircraft, results: Sequence[TrimResult]
+) -> None:
+    if arguments.out:
+        with arguments.out.open("w", newline="", encoding="utf-8") as file:
+            records = [_record(result) for result in results]
+            writer = csv.DictWriter(file, list(records[0]))
+            writer.writeheader()
+            writer.writerows(records)
+    if arguments.plot:
+        from curvcasadi.plotting import (
+            shape as plotting,  # matplotlib takes longer to load than a trim to compute
+        )
+
+        trimmed = [result for result in results if result.trimmed]
+        plotting.save_figure(plot_trim(aircraft, trimmed), arguments.plot)
+    for path in (arguments.out, arguments.plot):
+        if path:
+            print(f"wrote {path}")
+
+
+def _record(result: TrimResult) -> dict[str, Any]:
+    """A line of the CSV file; SI units, radians."""
+    angles = ("angle_of_attack", "pitch", "sideslip", "roll", "flight_path")
+    record: dict[str, Any] = {"speed": result.speed, "trimmed": int(result.trimmed)}
+    record |= {name: getattr(result, name) for name in angles}
+    record |= {f"input_{name}": value for name, value in result.inputs.items()}
+    record |= {"drag": result.drag, "strain_energy": result.strain_energy}
+    names = [f"unbalanced_{kind}_{axis}" for kind in ("force", "moment") for axis in "xyz"]
+    record |= dict(zip(names, result.balances.values(), strict=True))
+    for wing, q in result.q.items():
+        moments = zip("xyz", result.root_loads[wing][:3], strict=True)
+        record[f"{wing}_tip_height"] = _tip_height(result, wing)
+        record |= {f"{wing}_root_moment_{axis}": float(moment) for axis, moment in moments}
+        record[f"{wing}_residual"] = result.equilibrium_residuals[wing]
+        record |= {f"{wing}_q{k}": float(weight) for k, weight in enumerate(q.full().ravel())}
+    return record
+
+
+def plot_trim(aircraft: Aircraft, results: Sequence[TrimResult]) -> Any:
+    """Figure of trimmed wings from behind, and of the lift along their span; one or more speeds."""
+    from curvcasadi.plotting import shape as plotting
+
+    figure = plotting.Figure(figsize=(7.5, 6.4), layout="constrained")
+    front, lift = figure.subplots(2, 1, sharex=True)
+    shown = set(np.linspace(0, len(results) - 1, LARGEST_LEGEND).round().astype(int).tolist())
+    for wing in aircraft.beams:
+        y, height = _front(wing, np.zeros(wing.beam.basis.n), plotting.CURVE_STATIONS)
+        first = wing is aircraft.beams[0]
+        label = "undeformed" if first else None
+        front.plot(y, height, "--", color=plotting.UNDEFORMED_COLOR, label=label)
+        for k, result in enumerate(results):
+            color = _mixed(k / max(len(results) - 1, 1))
+            label = f"{result.speed:.4g} m/s" if first and k in shown else None
+            y, height = _front(wing, result.q[wing.name], plotting.CURVE_STATIONS)
+            front.plot(y, height, color=color, label=label)
+            airload = result.airloads[wing.name]
+            y, _ = _front(wing, result.q[wing.name], airload.xi)
+            lift.plot(y, np.asarray(airload.lift).ravel(), color=color)
+    front.set(ylabel="height $-z$ [m]", title="from behind, body axes")
+    front.set_aspect("equal", adjustable="datalim")
+    lift.set(xlabel="$y$, to the right [m]", ylabel="lift per length [N/m]")
+    lift.set_title("lift in the section plane, normal to the local velocity")
+    lift.axhline(0, color="0.6", linewidth=0.8)
+    for axes in (front, lift):
+        axes.grid(color="0.9")
+        axes.title.set_fontsize("medium")
+    figure.legend(
+        loc="outside lower center",
+        ncols=LARGEST_LEGEND + 1,
+        fontsize="small",
+        handlelength=1.7,
+        columnspacing=1.2,
+        frameon=False,
+    )
+    return figure
+
+
+def _front(wing: Wing, q: Any, stations: Array) -> tuple[Array, Array]:
+    """y and −z of the deformed reference curve, m, body axes."""
+    different = np.unique(stations)
+    found = poses(wing.beam, np.asarray(q), different.tolist())
+    at = np.searchsorted(different, stations)
+    positions = np.hstack([np.asarray(pose.position) for pose in found])[:, at]
+    return positions[1], -positions[2]
+
+
+def _mixed(part: float) -> tuple[float, ...]:
+    return tuple((1 - part) * a + part * b for a, b in zip(SLOWEST, FASTEST, strict=True))

@@ -1,0 +1,1 @@
+"""Models as a control engineer sees them: x, u, p, y."""

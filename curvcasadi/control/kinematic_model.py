@@ -1,0 +1,127 @@
+"""Models as a control engineer sees them: state x, input u, parameter p, output y."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.grid import Real
+from curvcasadi.kinematics.pose_function import tip_function
+from curvcasadi.kinematics.resolution import largest_element_angles
+from curvcasadi.kinematics.shape import curvature, squared_element_angles
+from curvcasadi.symbolic.expressions import (
+    Number,
+    expression,
+    instance,
+    is_numeric,
+    numbers,
+    station,
+)
+from curvcasadi.symbolic.layout import Layout, Part
+
+#: Stations of the curvatures among the outputs, unless others are asked for.
+CURVATURE_STATIONS = (0.0, 0.25, 0.5, 0.75, 1.0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ControlModel:
+    """dx/dt = xdot(x, u, p), y = output(x, u, p), in SI units; bounds stand in the layouts."""
+
+    name: str
+    x: Layout
+    u: Layout
+    p: Layout
+    y: Layout
+    xdot: ca.Function  #: (x, u, p) -> xdot
+    output: ca.Function  #: (x, u, p) -> y
+    real: Real = "double"  #: arithmetic that it is made for, as in `Grid`
+    #: (x) -> squared angles of elements over what they may turn, of those that the bounds of x do
+    #: not keep from it
+    angles: ca.Function | None = None
+
+
+def kinematic_model(
+    beam: Beam, *, time_constant: Number, curvature_stations: Sequence[float] = CURVATURE_STATIONS
+) -> ControlModel:
+    """A beam whose weights follow their commands with a first-order lag.
+
+        time_constant dq/dt = q_command + disturbance − q
+
+    x: q, rad/m, bounded by `Beam.weight_bounds`; u: q_command, rad/m, bounded likewise;
+    p: disturbance, rad/m; y: position (3, m) and rotation (9, by columns) of the tip, local to
+    parent, and curvature (K_x, K_y, K_z at each of `curvature_stations`, rad/m, local axes). The
+    tip's structured Jacobian is used by derivatives of `output`. Element angles are checked where
+    `Beam.weight_bounds` do not keep them within `Grid.max_angle`.
+
+    Parameters
+    ----------
+    time_constant : s, one number or one per weight
+    """
+    symbols = instance("beam", beam, Beam).design_symbols
+    if symbols:
+        raise ValueError(f"{next(iter(symbols))}: kinematic_model needs numbers, found a symbol")
+    n = beam.basis.n
+    tau = _time_constants(time_constant, n)
+    stations = [station("curvature_stations", xi) for xi in curvature_stations]
+    lower, upper = beam.bounds
+    x = Layout((Part("q", n, "rad/m", lower, upper),))
+    u = Layout((Part("q_command", n, "rad/m", lower, upper),))
+    p = Layout((Part("disturbance", n, "rad/m"),))
+    y = Layout(
+        (
+            Part("position", 3, "m"),
+            Part("rotation", 9, "1"),
+            Part("curvature", 3 * len(stations), "rad/m"),
+        )
+    )
+    q, command, disturbance = ca.MX.sym("x", n), ca.MX.sym("u", n), ca.MX.sym("p", n)
+    position, rotation = tip_function(beam)(q)
+    curvatures = ca.veccat(*(curvature(beam, q, xi) for xi in stations))
+    signature = ([q, command, disturbance], ["x", "u", "p"])
+    return ControlModel(
+        name="kinematic",
+        real=beam.grid.real,
+        x=x,
+        u=u,
+        p=p,
+        y=y,
+        xdot=ca.Function(
+            "kinematic_xdot",
+            signature[0],
+            [(command + disturbance - q) / tau],
+            signature[1],
+            ["xdot"],
+        ),
+        output=ca.Function(
+            "kinematic_output",
+            signature[0],
+            [y.join({"position": position, "rotation": ca.vec(rotation), "curvature": curvatures})],
+            signature[1],
+            ["y"],
+        ),
+        angles=_angles(beam),
+    )
+
+
+def _angles(beam: Beam) -> ca.Function | None:
+    kept = largest_element_angles(beam) <= beam.grid.max_angle
+    beyond = [int(e) for e in np.flatnonzero(~kept)]
+    if not beyond:
+        return None
+    q = ca.MX.sym("x", beam.basis.n)
+    squares = squared_element_angles(beam, q)[beyond, :] / beam.grid.max_angle**2
+    return ca.Function("kinematic_angles", [q], [squares], ["x"], ["angles"])
+
+
+def _time_constants(value: Number, n: int) -> ca.DM:
+    if not is_numeric(value):
+        raise ValueError(f"time_constant: expected numbers, found the symbol {value}")
+    seconds = numbers("time_constant", value)
+    tau = expression("time_constant", np.full(n, seconds) if seconds.size == 1 else seconds, (n, 1))
+    if not np.all(tau.full() > 0):
+        raise ValueError(f"time_constant: expected numbers above zero, s, found {value}")
+    return tau

@@ -1,0 +1,108 @@
+"""What an estimator starts from: mean and covariance, given part by part or as an estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.beam.beam import Beam
+from curvcasadi.estimation import ud
+from curvcasadi.estimation.process import offsets
+from curvcasadi.estimation.samples import numeric_array
+from curvcasadi.estimation.sensor_model import covariance_matrix
+from curvcasadi.kinematics.chain import checked_weights
+from curvcasadi.symbolic.expressions import (
+    Array,
+    Number,
+    choice,
+    instance,
+    numbers,
+    rotation_matrix,
+)
+from curvcasadi.symbolic.layout import Layout
+
+
+def initial_belief(
+    beam: Beam,
+    state: Layout,
+    error: Layout,
+    deviation: Mapping[str, Number],
+    mean: Mapping[str, Number] | None,
+) -> tuple[Array, Array]:
+    """Mean (x,) of the state and factor (N, N) of the covariance of its error.
+
+    Parameters
+    ----------
+    deviation : by name of every part of `error`, what `covariance_matrix` takes
+    mean : by name of parts of `state`; zero, and the identity attitude, where not given; of the
+        weights within the bounds of the beam
+
+    Raises
+    ------
+    ValueError
+        If a part is unknown, has no deviation, has values of another shape, or weights are beyond
+        what `shape_map` takes.
+    """
+    means = {} if mean is None else mean
+    _check_names("mean", means, state)
+    _check_names("deviation", deviation, error)
+    for part in error.parts:
+        if part.name not in deviation:
+            raise ValueError(f"deviation: expected {part.name!r}, {part.unit}; not found")
+    covariance = np.zeros((error.size, error.size))
+    for name, where in offsets(error).items():
+        size = where.stop - where.start
+        covariance[where, where] = covariance_matrix(f"deviation[{name!r}]", deviation[name], size)
+    found = np.concatenate([_mean(part.name, part.size, means) for part in state.parts])
+    checked_weights(beam, ca.DM(found[offsets(state)["q"]]), "mean['q']")
+    return found, ud.factor_of(covariance)
+
+
+def _mean(name: str, size: int, means: Mapping[str, Number]) -> Array:
+    where = f"mean[{name!r}]"
+    if name != "attitude":
+        return numeric_array(where, means.get(name, np.zeros(size)), (size, 1)).ravel()
+    rotation = rotation_matrix(where, means.get(name, ca.DM.eye(3)))
+    return numeric_array(where, rotation, (3, 3)).ravel(order="F")
+
+
+def _check_names(argument: str, given: Mapping[str, Number], layout: Layout) -> None:
+    if not isinstance(given, Mapping):
+        raise ValueError(f"{argument}: expected values by name of a part, found {given!r}")
+    for name in given:
+        choice(argument, name, [part.name for part in layout.parts])
+
+
+def check_start(
+    start: Any, kind: type, what: str, shapes: Mapping[str, tuple[int, ...]], factor: str
+) -> None:
+    """ValueError unless `start` is a `kind` whose fields have these shapes and finite numbers.
+
+    Parameters
+    ----------
+    what : that it is an estimate of, in words
+    factor : the field that holds a factor U D Uᵀ
+    """
+    instance("start", start, kind)
+    for name, shape in shapes.items():
+        found = np.shape(getattr(start, name))
+        if found != shape:
+            raise ValueError(
+                f"start: expected an estimate of this {what}, {name} of shape {shape}; "
+                f"found {found}"
+            )
+        numbers(f"start.{name}", getattr(start, name))
+    values = np.asarray(getattr(start, factor))
+    for i, j in np.argwhere(np.tril(values, -1)):
+        raise ValueError(
+            f"start.{factor}[{i}, {j}]: expected an upper triangular matrix, 0 below its diagonal, "
+            f"found {values[i, j]:g}"
+        )
+    for i in np.flatnonzero(np.diag(values) <= 0):
+        raise ValueError(
+            f"start.{factor}[{i}, {i}]: expected a number above zero, as D of U D Uᵀ, found "
+            f"{values[i, i]:g}"
+        )

@@ -1,0 +1,297 @@
+"""Extended Kalman filters of the shape of a wing, from sensors on it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.beam.beam import Beam
+from curvcasadi.estimation import ud
+from curvcasadi.estimation.belief import initial_belief
+from curvcasadi.estimation.ekf.readings import Observation
+from curvcasadi.estimation.ekf.update import update_function
+from curvcasadi.estimation.process import (
+    PROCESSES,
+    Process,
+    ProcessName,
+    offsets,
+    predict_function,
+)
+from curvcasadi.estimation.samples import numeric_array
+from curvcasadi.estimation.sensor_model import check_numeric
+from curvcasadi.estimation.words import ekf_words
+from curvcasadi.sensors import Channels, RateGyro, RootMotion, Sensor, sensor_channels
+from curvcasadi.sensors.channels import checked_sensors
+from curvcasadi.sensors.kinds import positive_numbers
+from curvcasadi.sensors.root_motion import numeric_root, root_input_names
+from curvcasadi.symbolic.expressions import (
+    Array,
+    Number,
+    choice,
+    count,
+    function_name,
+    instance,
+    is_numeric,
+    numeric,
+    positive,
+)
+from curvcasadi.symbolic.layout import Layout
+
+
+class Estimate(NamedTuple):
+    """State of a filter at a time. What an update says of its samples is empty before the first."""
+
+    time: float  #: s
+    state: Array  #: (x,), parts as in `ShapeEkf.layout`
+    factor: Array  #: (N, N), upper triangular: U D Uᵀ with D on the diagonal
+    #: (r,), over its standard deviation; NaN where there is no sample, or no prediction of it
+    innovation: Array = np.zeros(0)
+    used: Array = np.zeros(0)  #: (r,), 1 for samples that were used, 0 for missing and gated ones
+    nis: float = 0.0  #: normalized innovation squared of the used samples
+    dof: int = 0  #: number of used samples, its expectation
+
+    @property
+    def covariance(self) -> Array:
+        """Of the error state, (N, N), parts as in `ShapeEkf.error_layout`."""
+        return ud.covariance_of(self.factor)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ShapeEkf:
+    """An extended Kalman filter as two Functions, for Python and for C.
+
+    predict: (state, factor, dt and, with an attitude, rate) -> state_after, factor_after.
+
+    update: (state, factor, measured and the inputs asked for) -> state_after, factor_after,
+    innovation (r, 1), over its standard deviation, used (r, 1), nis, dof. A sample that is NaN is
+    missing. So is an attitude whose columns c1, c2, c3 are no rotation to 1e-2, by the Euclidean
+    norm of (c1·c1 − 1, c2·c2 − 1, c1·c2, c1 × c2 − c3); and the bearing of a point that is
+    predicted out of the camera's view. Of these the output `innovation` is 0, and
+    `Estimate.innovation` of `run_ekf` NaN; of a gated sample both are its innovation.
+
+    After a negative dt the factor is NaN: in Python, and in C before its wrapper refuses it. The
+    wrapper refuses infinite samples, too; any finite one is used, gated or missing.
+    """
+
+    predict: ca.Function  #: called <name>_predict
+    update: ca.Function  #: called <name>_update
+    layout: Layout  #: of the state
+    error_layout: Layout  #: of the error state: the attitude's is a rotation vector, parent axes
+    channels: Channels  #: rows of measured, and of residuals
+    beam: Beam
+
+    def initial(
+        self,
+        deviation: Mapping[str, Number],
+        mean: Mapping[str, Number] | None = None,
+        *,
+        time: float = 0.0,
+    ) -> Estimate:
+        """An estimate to start from.
+
+        Parameters
+        ----------
+        deviation : for every part of the error state its standard deviation, one number or one per
+            entry; or a symmetric, positive definite covariance matrix of the part
+        mean : of parts of the state; zero, and the identity attitude, where not given; the attitude
+            is a rotation matrix (3, 3). Weights lie within `Beam.weight_bounds`
+        time : s
+        """
+        state, factor = initial_belief(self.beam, self.layout, self.error_layout, deviation, mean)
+        return Estimate(numeric_array("time", time, (1, 1)).item(), state, factor)
+
+    @property
+    def descriptions(self) -> Mapping[str, Mapping[str, str]]:
+        """Of "predict" and of "update", words for inputs and outputs, as `CFunction` takes them."""
+        return {
+            key: ekf_words(
+                self.layout, self.error_layout, self.channels, [*f.name_in(), *f.name_out()]
+            )
+            for key, f in (("predict", self.predict), ("update", self.update))
+        }
+
+    def part(self, estimate: Estimate, name: str) -> Array:
+        """A part of the state of an estimate, (size,)."""
+        where = offsets(self.layout)
+        choice("name", name, list(where))
+        return estimate.state[where[name]]
+
+    def covariance(self, estimate: Estimate, name: str) -> Array:
+        """Covariance of a part of the error state of an estimate, (size, size).
+
+        That of "q" makes standard deviations along the span by `shape_deviations`.
+        """
+        where = offsets(self.error_layout)
+        choice("name", name, list(where))
+        return estimate.covariance[where[name], where[name]]
+
+
+def shape_ekf(
+    beam: Beam,
+    sensors: Sequence[Sensor],
+    *,
+    process: ProcessName,
+    density: Number,
+    rate: Number = None,
+    acceleration: Number = None,
+    attitude: bool = False,
+    root_gyro_density: float | None = None,
+    gyro_bias: bool = False,
+    bias_density: float | None = None,
+    root: RootMotion | None = None,
+    root_inputs: Sequence[str] = (),
+    gate: float = 5.0,
+    iterations: int = 1,
+    name: str = "ekf",
+) -> ShapeEkf:
+    """Extended Kalman filter of curvature weights, and of what else is asked for.
+
+    The state is, in this order: attitude of the parent (9, R by columns; on request), q, q_dot
+    (white acceleration only), gyro_bias (three a wing gyro, in the order of `sensors`) and
+    root_gyro_bias. The error of the attitude R is a rotation vector φ on the right, R exp([φ×]),
+    parent axes; the covariance is kept as U D Uᵀ, so that it is positive definite in single
+    precision, too. Samples are used one at a time: one that is NaN or fails the gate changes
+    nothing.
+
+    What readings depend on and the state does not hold is noise that all samples of an update
+    share: q_ddot for accelerometers, and q_dot in a random walk. Its effect is not simply added to
+    the noise of each sensor: within an update it is estimated beside the state, and forgotten
+    after it. Readings are linearized at what a first pass finds of it, as J(q) q_ddot depends on
+    the shape, too. Of the derivative of accelerometers by q, the part that is quadratic in q_dot,
+    (d/dq)(dJ/dt q_dot), is left out.
+
+    With gyros and accelerometers alone, in-plane bending, which turns about gravity, is seen at
+    second order only, and the filter becomes overconfident: of 40 runs on a wing with in-plane
+    weights 12 had a normalized error squared above three times its expectation. Leave in-plane
+    weights out of the basis, add magnetometers or attitude sensors, or use `shape_mhe`, whose error
+    was 0.012 where the filter's was 0.12.
+
+    Accelerometers need gyros: with accelerometers and attitude sensors of 0.01 rad alone, in white
+    acceleration from a start of 0.01 rad/m and 0.05 rad/(m s), the filter is grossly overconfident,
+    as the readings bend with rates that nothing else tells. Of 40 runs 15 had a normalized error
+    squared above three times its expectation, hundreds of times in the mean; with two gyros
+    beside them none, and 1.03 times in the mean (5 iterations, gate 5).
+
+    Parameters
+    ----------
+    process : "random_walk" of q, or "white_acceleration" of q (state q, q_dot)
+    density : of the process noise, one number or one per weight: rad/(m √s), or of white
+        acceleration rad/(m s √s); after the time t its integral has the standard deviation
+        density √t
+    rate : standard deviation of q_dot, rad/(m s); needed by gyros and accelerometers in a random
+        walk
+    acceleration : standard deviation of q_ddot, rad/(m s²); needed by accelerometers
+    attitude : whether the parent's attitude is estimated; `predict` then takes "rate" (3, 1),
+        rad/s, the reading of a gyro at the root, root axes. Gyros on the wing read the root's
+        motion, too, and need the root input "twist"; accelerometers also "twist_rate", unless that
+        is small
+    root_gyro_density : noise of that gyro, rad/√s
+    gyro_bias : whether biases of the gyros on the wing, and of the root's, are estimated
+    bias_density : of their random walk, rad/(s √s)
+    root : numbers for what is known of the root's motion, gravity and magnetic field
+    root_inputs : what is an input of `update` instead, out of "attitude" (3, 3), "position" (3, 1),
+        "twist" (6, 1) and "twist_rate" (6, 1), as in `RootMotion`. The estimated bias of the root's
+        gyro is taken off the twist; its noise is not accounted for in the gyros on the wing
+    gate : largest innovation over its standard deviation; np.inf uses everything. From a wide start
+        a gate helps the linearization, too: in the runs with gyros above the mean was 1.03 with a
+        gate of 5, and 2.6 without. The three rows of an attitude sensor stand or fall together
+    iterations : linearizations of an update. One serves a filter that has converged; from a start
+        whose errors bend the readings (or a long gap) take five or more, in a second filter
+    name : the Functions are called <name>_predict and <name>_update
+
+    Returns
+    -------
+    ShapeEkf
+        `run_ekf` calls it sample by sample; in C its two Functions are called in turn.
+
+    Raises
+    ------
+    ValueError
+        If something is missing that the sensors, the process or a request needs, or an argument is
+        of another size, kind or range.
+    """
+    instance("beam", beam, Beam)
+    n = beam.basis.n
+    checked = checked_sensors(sensors)
+    order = max(sensor.order for sensor in checked)
+    choice("process", process, PROCESSES)
+    gyros = sum(isinstance(sensor, RateGyro) for sensor in checked)
+    known = root_input_names(root_inputs)
+    if attitude and "attitude" in known:
+        raise ValueError("root_inputs: expected no attitude where it is estimated, found one")
+    check_numeric(beam, checked)
+    if attitude and order and "twist" not in known:
+        also = ", and for accelerometers 'twist_rate' unless it is small," if order == 2 else ""
+        raise ValueError(
+            f"root_inputs: expected 'twist'{also} "
+            "where the attitude is estimated, as the wing's gyros and accelerometers also read the "
+            f"root's rate; found {list(known)}"
+        )
+    if gyro_bias and not (gyros or attitude):
+        raise ValueError("gyro_bias: expected a gyro on the wing or at the root, found none")
+    unknown = {}
+    if order >= 1 and process == "random_walk":
+        unknown["q_dot"] = _needed("rate", rate, n)
+    if order == 2:
+        unknown["q_ddot"] = _needed("acceleration", acceleration, n)
+    described = Process(
+        kind=process,
+        density=_needed("density", density, n),
+        attitude=attitude,
+        root_rotation=beam.root.rotation,
+        rate_density=_one("root_gyro_density", root_gyro_density) if attitude else None,
+        biases=gyros if gyro_bias else 0,
+        root_bias=gyro_bias and attitude,
+        bias_density=_one("bias_density", bias_density) if gyro_bias else None,
+    )
+    observation = Observation(
+        beam=beam,
+        sensors=checked,
+        channels=sensor_channels(checked),
+        root=numeric_root(root, known),
+        unknown=unknown,
+        inputs=known,
+        gate=_gate(gate),
+        iterations=count("iterations", iterations),
+    )
+    function_name("name", name)
+    return ShapeEkf(
+        predict=predict_function(f"{name}_predict", described),
+        update=update_function(f"{name}_update", described, observation),
+        layout=described.state,
+        error_layout=described.error,
+        channels=observation.channels,
+        beam=beam,
+    )
+
+
+#: What arguments are that may be missing.
+_MEANING = {
+    "density": "the density of the process noise, rad/(m √s) or rad/(m s √s)",
+    "rate": "the standard deviation of q_dot, rad/(m s), as gyros and accelerometers read the rate "
+    "of a random walk",
+    "acceleration": "the standard deviation of q_ddot, rad/(m s²), as accelerometers read it",
+    "root_gyro_density": "the noise of the gyro at the root, rad/√s, as it drives the attitude",
+    "bias_density": "the noise of the random walk of the biases, rad/(s √s)",
+}
+
+
+def _gate(value: Any) -> float:
+    """`value`, a number above zero, or infinity."""
+    if is_numeric(value) and value == np.inf:
+        return np.inf
+    return float(numeric("gate", positive("gate", value)))
+
+
+def _one(name: str, value: Any) -> float:
+    return float(_needed(name, value, 1)[0])
+
+
+def _needed(name: str, value: Number, size: int) -> Array:
+    if value is None:
+        raise ValueError(f"{name}: expected {_MEANING[name]}; found None")
+    return positive_numbers(name, value, size)

@@ -1,0 +1,132 @@
+"""The update of a shape filter: scalar measurements one after another, from one linearization."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.estimation import ud
+from curvcasadi.estimation.ekf.readings import Observation, Readings
+from curvcasadi.estimation.process import DEGREE, Process, orthonormal
+from curvcasadi.estimation.samples import attitudes_function
+from curvcasadi.lie import so3
+from curvcasadi.sensors import AttitudeSensor
+from curvcasadi.sensors.root_motion import ROOT_INPUTS
+from curvcasadi.symbolic.expressions import AnyExpr
+
+
+def update_function(name: str, process: Process, observation: Observation) -> ca.Function:
+    """(state, factor, measured, known motion) -> what `ShapeEkf.update` gives."""
+    layout, channels = process.state, observation.channels
+    state = ca.MX.sym("state", layout.size)
+    factor = ca.MX.sym("factor", ca.Sparsity.upper(process.error.size))
+    measured = ca.MX.sym("measured", channels.layout.size)
+    known = {key: ca.MX.sym(key, *ROOT_INPUTS[key]) for key in observation.inputs}
+    inputs = {"state": state, "factor": factor, "measured": measured, **known}
+
+    retract, difference = _retraction(process), _difference(process)
+    look, take = (_pass(process, observation, only) for only in (True, False))
+    at, error = state, ca.MX(ca.DM.zeros(process.error.size))
+    unknown = ca.MX(ca.DM.zeros(_unknowns(observation)))
+    if any(isinstance(sensor, AttitudeSensor) for sensor in observation.sensors):
+        measured = attitudes_function(observation.sensors)(measured)
+    if observation.unknown:
+        unknown = look(error, factor, at, unknown, measured, *known.values())
+    for iteration in range(observation.iterations):
+        if iteration:
+            error = difference(at, state)
+        step, factor_after, said, unknown = take(
+            error, factor, at, unknown, measured, *known.values()
+        )
+        at = retract(at, step)
+    innovation, used = said[0, :].T, said[1, :].T
+    outputs = {
+        "state_after": at,
+        "factor_after": factor_after,
+        "innovation": innovation,
+        "used": used,
+        "nis": ca.sumsqr(used * innovation),  # of an outlier the square alone may overflow
+        "dof": ca.sum1(used),
+    }
+    arguments = [*inputs.values()]
+    return ca.Function(name, arguments, [*outputs.values()], [*inputs], [*outputs], {"cse": True})
+
+
+def _pass(process: Process, observation: Observation, look: bool) -> ca.Function:
+    """(error, factor, state, unknowns, measured, known motion) -> error, factor, what `ud.measure`
+    says (2, r), unknowns; with `look` the unknowns alone, as the rows show them that depend on any.
+
+    The unknowns multiply the shape, as J(q) q_ddot does. Linearized at an acceleration of zero, a
+    filter would trust the combinations of readings that no J(q) q_ddot reaches, with a J that it
+    does not know; so the readings are linearized at the unknowns, too. These are what the readings
+    show in a first pass. Each pass reads the sensors anew, one after another: kept between passes,
+    their rows and stations would take more memory than all else.
+    """
+    size, first = process.error.size, _unknowns(observation)
+    start, state = ca.MX.sym("error", size), ca.MX.sym("state", process.state.size)
+    factor = ca.MX.sym("factor", ca.Sparsity.upper(size))
+    unknown = ca.MX.sym("unknown", first)
+    measured = ca.MX.sym("measured", observation.channels.layout.size)
+    known = {key: ca.MX.sym(key, *ROOT_INPUTS[key]) for key in observation.inputs}
+    arguments = [start, factor, state, unknown, measured, *known.values()]
+
+    readings = Readings(process, observation, state, measured, known)
+    rows = readings.rows(None if look or not first else unknown)
+    offset = ca.MX(ca.DM.zeros(first)) if look else readings.offset(unknown)
+    belief = _belief(process, observation)(factor, start, offset)
+    said = []
+    for row in rows:
+        if row.shared or not look:
+            gated = row.together and observation.gate < np.inf
+            measure = ud.measure_together if gated else ud.measure_rows
+            belief, told = measure(belief, row.rows, row.variance, observation.gate)
+            said += told
+    after, error = ud.split_belief(belief, first + size)
+    outputs = [error[first:], after[first:, first:], ca.horzcat(*said), offset + error[:first, :]]
+    name, outputs = ("look", outputs[-1:]) if look else ("take", outputs)
+    return ca.Function(name, arguments, outputs, {"cse": True})
+
+
+def _unknowns(observation: Observation) -> int:
+    return sum(map(len, observation.unknown.values()))
+
+
+def _belief(process: Process, observation: Observation) -> ca.Function:
+    """(factor, error, offset) -> belief in the unknowns, less their offset, and in the error.
+
+    They are independent before an update.
+    """
+    size, first = process.error.size, _unknowns(observation)
+    factor = ca.MX.sym("factor", ca.Sparsity.upper(size))
+    error, offset = ca.MX.sym("error", size), ca.MX.sym("offset", first)
+    variances = np.concatenate([np.zeros(0), *observation.unknown.values()]) ** 2
+    corner = np.diag(variances)[np.tril_indices(first)]  # symmetric: the upper one by columns
+    entries = [ca.MX(ca.DM(corner))]
+    ends = [j * (j + 1) // 2 for j in range(size + 1)]
+    for column in ca.vertsplit(ca.sparsity_cast(factor, ca.Sparsity.dense(ends[-1])), ends):
+        entries += [ca.MX(ca.DM.zeros(first)), column]
+    belief = ca.vertcat(*entries, -offset, error)
+    return ca.Function("belief", [factor, error, offset], [belief], {"cse": True})
+
+
+def _retraction(process: Process) -> ca.Function:
+    """(state, error) -> state: sums, and C exp(φ)."""
+    state = ca.SX.sym("state", process.state.size)
+    error = ca.SX.sym("error", process.error.size)
+    parts, steps = process.state.split(state), process.error.split(error)
+    moved: dict[str, AnyExpr] = {key: parts[key] + steps[key] for key in parts if key != "attitude"}
+    if process.attitude:
+        attitude = ca.reshape(parts["attitude"], 3, 3) @ so3.exp(steps["attitude"], DEGREE)
+        moved["attitude"] = ca.vec(orthonormal(attitude))
+    return ca.Function("retract", [state, error], [process.state.join(moved)], {"cse": True})
+
+
+def _difference(process: Process) -> ca.Function:
+    """(a, b) -> the error that takes the state a to b."""
+    a, b = (ca.SX.sym(key, process.state.size) for key in "ab")
+    of_a, of_b = process.state.split(a), process.state.split(b)
+    errors: dict[str, AnyExpr] = {key: of_b[key] - of_a[key] for key in of_a if key != "attitude"}
+    if process.attitude:
+        rotations = (ca.reshape(of["attitude"], 3, 3) for of in (of_b, of_a))
+        errors["attitude"] = so3.log_error(*rotations)
+    return ca.Function("difference", [a, b], [process.error.join(errors)], {"cse": True})

@@ -1,0 +1,155 @@
+"""The result of a fit, and what it says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.beam.beam import Beam
+from curvcasadi.estimation.observability import Observability
+from curvcasadi.kinematics.shape import Shape, curvature, poses
+from curvcasadi.sensors import Channels
+from curvcasadi.symbolic.expressions import Array
+
+#: Probability below which the message calls χ² too large, or too small.
+_UNLIKELY = 1e-3
+#: Factor of a robust loss below which the message names a sensor.
+_LIGHT = 0.5
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ShapeFit:
+    """Weights of maximum likelihood, what is known of them, and what is not."""
+
+    beam: Beam  #: that was fitted
+    q: ca.DM  #: (n, 1), rad/m
+    #: (n, n), (rad/m)², prior included: the inverse of the information matrix. A weight that is not
+    #: seen has an infinite variance and NaN for covariances
+    covariance: Array
+    information: Array  #: (n, n), (rad/m)⁻², of the sensors alone, robust weights included
+    #: of `information`: combinations of weights, each known to pi/L or better, that sensors see
+    rank: int
+    unseen: tuple[str, ...]  #: the others, in words, a combination of weights each
+    channels: Channels  #: names and units of the residuals
+    residuals: Array  #: (r,), prediction minus measurement, `channels.residual_units`; NaN: missing
+    normalized_residuals: Array  #: (r,), over the noise
+    chi_squared: float  #: sum of their squares, and of the distance from the prior
+    degrees_of_freedom: int  #: readings and prior minus weights that they move
+    p_value: float  #: probability of a larger χ² if the noise is as stated; NaN if nothing is over
+    loss_weights: dict[str, float]  #: factor that a robust loss gave each sensor; NaN: missing
+    active_bounds: tuple[str, ...]  #: weights at a bound, which `covariance` takes for free
+    converged: bool
+    iterations: int  #: Gauss–Newton steps, of all starts
+    message: str  #: in words: whether the readings fit, and what is not seen
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Of the weights."""
+        return self.beam.basis.labels
+
+    @cached_property
+    def shape(self) -> Shape:
+        """The shape at `q`, which may bend elements too far if the fit has not converged."""
+        stations = self.beam.stations
+        return Shape(
+            stations=stations,
+            poses=tuple(poses(self.beam, self.q, stations.tolist())),
+            curvatures=ca.horzcat(*(curvature(self.beam, self.q, xi) for xi in stations)),
+        )
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations (n,) of the weights, rad/m; infinite for what is not seen."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    def summary(self) -> str:
+        """Weights with standard deviations, residuals by sensor, and the message."""
+        width = max(len(label) for label in self.labels)
+        lines = ["weights, rad/m"]
+        for label, value, deviation in zip(
+            self.labels, self.q.full().ravel(), self.deviations, strict=True
+        ):
+            known = f"± {deviation:.2e}" if np.isfinite(deviation) else "not seen"
+            lines.append(f"  {label:<{width}}  {value:+.6f}  {known}")
+        lines.append("residuals, prediction minus measurement")
+        width = max(len(label) for label in self.channels.residual_labels)
+        rows = zip(
+            self.channels.residual_labels,
+            self.residuals,
+            self.channels.residual_units,
+            self.normalized_residuals,
+            strict=True,
+        )
+        for label, value, unit, normalized in rows:
+            told = f"{value:+.3e} {unit}, {normalized:+.2f} σ" if np.isfinite(value) else "missing"
+            lines.append(f"  {label:<{width}}  {told}")
+        return "\n".join([*lines, self.message])
+
+    def __str__(self) -> str:
+        return self.summary()
+
+
+def fit_message(
+    *,
+    converged: bool,
+    too_bent: str,
+    chi_test: tuple[float, int, float],
+    loss: str,
+    loss_weights: dict[str, float],
+    active_bounds: Iterable[str],
+    seen: Observability,
+    prior: bool,
+) -> str:
+    """A line for each thing that a user should know.
+
+    Parameters
+    ----------
+    too_bent : limit of the beam that the fit exceeds, in words
+    chi_test : χ², degrees of freedom, probability of more
+    """
+    lines = [
+        *_end_said(converged, too_bent),
+        _test_said(*chi_test),
+        *_loss_said(loss, loss_weights),
+        *(f"held by a bound: {bound}" for bound in active_bounds),
+        *_unseen_said(seen, prior),
+    ]
+    return "\n".join(lines)
+
+
+def _end_said(converged: bool, too_bent: str) -> list[str]:
+    said = []
+    if not converged:
+        said.append("not converged: no start led to a minimum; try a q_guess or a prior")
+    if too_bent:
+        said.append(f"the best fit is beyond the beam: {too_bent}")
+    return said
+
+
+def _test_said(squares: float, freedom: int, p_value: float) -> str:
+    if not freedom:
+        return "as many weights as readings: the residuals test nothing"
+    verdict = "as the stated noise lets expect"
+    if p_value < _UNLIKELY:
+        verdict = "larger than the stated noise explains: outliers, more noise or too few weights"
+    elif p_value > 1 - _UNLIKELY:
+        verdict = "smaller than the stated noise lets expect, which may be too large"
+    return f"χ² = {squares:.4g} with {freedom} degrees of freedom, p = {p_value:.3g}: {verdict}"
+
+
+def _loss_said(loss: str, weights: dict[str, float]) -> list[str]:
+    light = [name for name, weight in weights.items() if weight < _LIGHT]
+    return [f"the {loss} loss counts less than half: {', '.join(light)}"] if light else []
+
+
+def _unseen_said(seen: Observability, held: bool) -> list[str]:
+    if not seen.words:
+        return []
+    return [
+        f"{seen.rank} of {seen.seen.shape[0]} combinations of weights are seen; not seen by these "
+        f"sensors{'; the prior holds them' if held else ''}: " + "; ".join(seen.words)
+    ]

@@ -1,0 +1,1 @@
+"""The moving-horizon estimator."""

@@ -1,0 +1,260 @@
+"""Moving-horizon estimation of the shape of a wing, one step as a Function."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.beam.beam import Beam
+from curvcasadi.estimation import ud
+from curvcasadi.estimation.belief import initial_belief
+from curvcasadi.estimation.mhe.step import step_function
+from curvcasadi.estimation.mhe.window import WindowProblem
+from curvcasadi.estimation.process import PROCESSES, Process, ProcessName
+from curvcasadi.estimation.samples import numeric_array
+from curvcasadi.estimation.sensor_model import check_numeric
+from curvcasadi.estimation.words import mhe_words
+from curvcasadi.sensors import Channels, RootMotion, Sensor
+from curvcasadi.sensors.channels import checked_sensors
+from curvcasadi.sensors.root_motion import root_input_names
+from curvcasadi.symbolic.expressions import (
+    Array,
+    Number,
+    choice,
+    count,
+    function_name,
+    instance,
+    numeric,
+    positive,
+)
+from curvcasadi.symbolic.layout import Layout, Part
+
+#: Units of what a sample depends on and the state does not hold, by name.
+_UNITS = {"q_dot": "rad/(m s)", "q_ddot": "rad/(m s²)"}
+
+#: Why an argument is needed.
+_WHY = {
+    "rate": "rad/(m s), of q_dot, which gyros and accelerometers read in a random walk",
+    "acceleration": "rad/(m s²), of q_ddot, which accelerometers read",
+}
+
+
+class WindowEstimate(NamedTuple):
+    """What a window of samples says, and what the next one starts from."""
+
+    time: float  #: s, of the newest sample
+    state: Array  #: (x,), at that time, parts as in `ShapeMhe.layout`
+    states: Array  #: (x, k), at all times of the window so far, one a column
+    arrival_mean: Array  #: (x,), at the start of the next window, from samples before it
+    arrival_factor: Array  #: (x, x), of its covariance: U D Uᵀ, upper triangular, D on the diagonal
+    guess: Array  #: (v, N + 1), of the next window
+    violation: float = 0.0  #: of the bounds, over its tolerance
+    stationarity: float = 0.0  #: bound of the distance to the optimum, over its tolerance
+    #: (r,), of the newest sample: 1 where there is one, 0 where it is missing. A bearing of a point
+    #: that the window finds out of the camera's view has 1, but no part in the estimate
+    used: Array = np.zeros(0)
+
+    @property
+    def solved(self) -> bool:
+        """Whether bounds and optimality conditions hold to their tolerances."""
+        return self.violation <= 1 and self.stationarity <= 1
+
+    @property
+    def arrival_covariance(self) -> Array:
+        """(x, x), of `arrival_mean`."""
+        return ud.covariance_of(self.arrival_factor)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ShapeMhe:
+    """A moving-horizon estimator whose step is one Function, for Python and for C."""
+
+    step: ca.Function  #: as `shape_mhe` describes it
+    layout: Layout  #: of the state
+    node: Layout  #: of a column of the guess: the state, and what else is unknown at a sample
+    channels: Channels  #: rows of measured
+    beam: Beam
+    dt: float  #: s
+    window: int  #: N: a window holds N + 1 samples
+
+    @property
+    def descriptions(self) -> Mapping[str, str]:
+        """Words for inputs and outputs of the step, as `CFunction` takes them."""
+        names = [*self.step.name_in(), *self.step.name_out()]
+        return mhe_words(self.layout, self.node, self.channels, names)
+
+    def initial(
+        self,
+        deviation: Mapping[str, Number],
+        mean: Mapping[str, Number] | None = None,
+        *,
+        time: float = 0.0,
+    ) -> WindowEstimate:
+        """What is known of the state at the first sample, before it.
+
+        Parameters
+        ----------
+        deviation : for every part of the state its standard deviation, one number or one per entry;
+            or a symmetric, positive definite covariance matrix of the part
+        mean : of parts of the state, weights within `Beam.weight_bounds`; zero where not given
+        time : of the first sample, s
+        """
+        state, factor = initial_belief(self.beam, self.layout, self.layout, deviation, mean)
+        column = np.concatenate([state, np.zeros(self.node.size - state.size)])
+        return WindowEstimate(
+            time=numeric_array("time", time, (1, 1)).item(),
+            state=state,
+            states=state[:, None],
+            arrival_mean=state,
+            arrival_factor=factor,
+            guess=np.tile(column[:, None], self.window + 1),
+        )
+
+
+def shape_mhe(
+    beam: Beam,
+    sensors: Sequence[Sensor],
+    *,
+    dt: float,
+    window: int,
+    process: ProcessName,
+    density: Number,
+    rate: Number = None,
+    acceleration: Number = None,
+    rate_bound: Number | None = None,
+    root: RootMotion | None = None,
+    root_inputs: Sequence[str] = (),
+    iterations: int | None = None,
+    max_iter: int = 100,
+    qp_solver: str = "qrqp",
+    name: str = "mhe",
+) -> ShapeMhe:
+    """Estimator of curvature weights from the last N + 1 samples, within bounds.
+
+    Minimizes over the states x_0 … x_N of a window, within the bounds,
+
+        ½ |x_0 − x̄|²_{P̄⁻¹} + ½ Σ_k |residual(x_k, y_k)/noise|² + ½ Σ_k |x_{k+1} − F x_k|²_{Q⁻¹}
+
+    where x̄, P̄ tell what the samples before the window say. Gauss–Newton `sqpmethod`; with `qrqp` it
+    becomes self-contained C. The arrival values of the next window are filtered: x̄, P̄ corrected by
+    the sample y_0, linearized at the x_0 found here, and predicted by dt. With linear readings and
+    idle bounds the newest state is that of the Kalman filter.
+
+    Parameters
+    ----------
+    dt : between samples, s
+    window : N, the number of steps in a window
+    process : "random_walk" of q, or "white_acceleration" of (q, q_dot)
+    density : of the driving white noise, rad/(m √s) or, of q_dot, rad/(m s √s); one or n
+    rate, acceleration : standard deviations of what sensors read and the state does not hold, one
+        or n: q_dot of a random walk with gyros or accelerometers, rad/(m s); q_ddot with
+        accelerometers, rad/(m s²). Each sample then has its own, estimated with the state
+    rate_bound : of |q_dot|, rad/(m s), one or n; of a random walk also of |q_{k+1} − q_k|/dt. The
+        weights are bounded by `Beam.weight_bounds`
+    root : motion of the root, gravity and magnetic field, as for `measure`
+    root_inputs : what of it comes with every sample: "attitude", "position", "twist", "twist_rate"
+    iterations : None to converge, 1 for a real-time iteration (one quadratic program, full step)
+    max_iter : of iterations that converge, at most
+    qp_solver : "qrqp", which alone becomes self-contained C, or another of CasADi's. Where most
+        bounds hold hard at once it may give up, and, with a rate bound of a random walk in single
+        precision, on one window in twenty; the last two outputs tell
+
+    Returns
+    -------
+    ShapeMhe
+        Its step has the inputs arrival_mean (x, 1); arrival_factor (x, x), upper triangular: U D Uᵀ
+        with D on the diagonal, as in `shape_ekf`; measured (m, N + 1), one sample a column, NaN
+        where missing; guess (v, N + 1); and root inputs, N + 1 side by side. Outputs: state (x, 1),
+        the newest; states (x, N + 1); arrival_mean_after, arrival_factor_after and guess_after, for
+        the next step; violation (1, 1), the largest excess over a bound over 1e-6 (`Grid.real`
+        float: 1e-5), and stationarity (1, 1), a bound of the distance to the optimum in standard
+        deviations of what is known before the samples, of x_0 and of what drives the state, over
+        1e-4 (float: 0.3): at most 1 both where the estimate is good. For a number of iterations
+        the optimum is that of the last program.
+
+        In single precision bounds on rates leave some cold first windows unsolved (9 of 60), and
+        more than half where they bound the steps of a random walk. In C the wrapper then leaves its
+        outputs untouched: call again with the same arrival values and the next window, start warm,
+        or, better, use double, which a Cortex-M7 has.
+
+        Until the first window is full, samples to come are missing ones, and arrival values stay;
+        `run_mhe` does so.
+
+    Raises
+    ------
+    ValueError
+        If something is missing that the sensors or the process need, or an argument is of another
+        size, kind or range.
+    """
+    function_name("name", name)
+    n = instance("beam", beam, Beam).basis.n
+    checked = checked_sensors(sensors)
+    step = float(numeric("dt", positive("dt", dt)))
+    nodes = count("window", window) + 1
+    choice("process", process, PROCESSES)
+    check_numeric(beam, checked)
+    known = root_input_names(root_inputs)
+    order = max(sensor.order for sensor in checked)
+    unknown = {}
+    if order >= 1 and process == "random_walk":
+        unknown["q_dot"] = _per_weight("rate", rate, n)
+    if order == 2:
+        unknown["q_ddot"] = _per_weight("acceleration", acceleration, n)
+    described = Process(
+        kind=process,
+        density=_per_weight("density", density, n),
+        root_rotation=beam.root.rotation,
+    )
+    most = np.inf if rate_bound is None else rate_bound
+    rates = _per_weight("rate_bound", most, n, infinite=True)
+    node = _node(described.state, unknown, {"q": beam.bounds, "q_dot": (-rates, rates)})
+    problem = WindowProblem(
+        name=name,
+        beam=beam,
+        sensors=checked,
+        root=root,
+        known=known,
+        process=described,
+        node=node,
+        unknown=unknown,
+        moves=rates * step if process == "random_walk" else np.full(n, np.inf),
+        nodes=nodes,
+        dt=step,
+    )
+    programs = None if iterations is None else count("iterations", iterations)
+    at_most = count("max_iter", max_iter)
+    return ShapeMhe(
+        step=step_function(problem, programs, at_most, qp_solver),
+        layout=described.state,
+        node=node,
+        channels=problem.channels,
+        beam=beam,
+        dt=problem.dt,
+        window=nodes - 1,
+    )
+
+
+def _node(
+    state: Layout, unknown: Mapping[str, Array], bounds: Mapping[str, tuple[Array, Array]]
+) -> Layout:
+    """The state, then the unknowns, with the bounds of those that have any."""
+    parts = [(part.name, part.size, part.unit) for part in state.parts]
+    parts += [(name, values.size, _UNITS[name]) for name, values in unknown.items()]
+    free = (-np.inf, np.inf)
+    return Layout(tuple(Part(*part, *bounds.get(part[0], free)) for part in parts))
+
+
+def _per_weight(name: str, value: Number, n: int, *, infinite: bool = False) -> Array:
+    """`value`, a number above zero or n of them, as (n,)."""
+    try:
+        found = np.array(np.broadcast_to(np.asarray(value, dtype=float).ravel(), (n,)))
+    except (TypeError, ValueError, NotImplementedError):
+        found = np.full(n, np.nan)
+    if not np.all(found > 0) or not (infinite or np.all(np.isfinite(found))):
+        why = f" ({_WHY[name]})" if value is None and name in _WHY else ""
+        raise ValueError(f"{name}: expected one or {n} numbers above zero{why}, found {value!r}")
+    return found

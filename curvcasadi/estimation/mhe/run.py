@@ -1,0 +1,112 @@
+"""A moving-horizon estimator over samples, one every step, in Python."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+
+from curvcasadi.estimation.belief import check_start
+from curvcasadi.estimation.mhe.estimator import ShapeMhe, WindowEstimate
+from curvcasadi.estimation.samples import (
+    input_values,
+    missing_residuals,
+    sample_values,
+    sequence,
+)
+from curvcasadi.sensors.root_motion import ROOT_INPUTS
+from curvcasadi.symbolic.expressions import Array, instance
+
+
+def run_mhe(
+    mhe: ShapeMhe, start: WindowEstimate, samples: Iterable[Any]
+) -> Iterator[WindowEstimate]:
+    """Estimates at the first sample and every `dt` after it, in constant memory.
+
+    Parameters
+    ----------
+    start : `ShapeMhe.initial`, at the time of the first sample
+    samples : measured (m,), NaN where missing, or (measured, root inputs by name); one every `dt`.
+        An attitude that is no rotation is missing, as for `ShapeEkf`. Where samples lead to what
+        cannot be computed the estimate stays as it was, not `solved`
+
+    Raises
+    ------
+    ValueError
+        If the start, samples or root inputs are not finite numbers of the sizes that the estimator
+        has, or the start's factor is none.
+    """
+    size = instance("mhe", mhe, ShapeMhe).layout.size
+    check_start(
+        start,
+        WindowEstimate,
+        "estimator",
+        {
+            "time": (),
+            "arrival_mean": (size,),
+            "arrival_factor": (size, size),
+            "guess": (mhe.node.size, mhe.window + 1),
+        },
+        "arrival_factor",
+    )
+    at = start
+    nodes = mhe.window + 1
+    columns: deque[Array] = deque(maxlen=nodes)
+    motions: deque[dict[str, Array]] = deque(maxlen=nodes)
+    shapes = {key: ROOT_INPUTS[key] for key in mhe.step.name_in()[4:]}
+    for k, sample in enumerate(sequence("samples", samples)):
+        where = f"samples[{k}]"
+        if isinstance(sample, tuple) and len(sample) != 2:
+            raise ValueError(f"{where}: expected measured or (measured, inputs), found {sample!r}")
+        measured, inputs = sample if isinstance(sample, tuple) else (sample, {})
+        columns.append(sample_values(f"{where}.measured", measured, mhe.channels.layout.size))
+        motions.append(input_values(f"{where}.inputs", inputs, shapes))
+        at = _estimate(mhe, at, start.time + k * mhe.dt, columns, motions)
+        yield at
+
+
+def _estimate(
+    mhe: ShapeMhe,
+    at: WindowEstimate,
+    time: float,
+    columns: deque[Array],
+    motions: deque[dict[str, Array]],
+) -> WindowEstimate:
+    newest, ahead = len(columns) - 1, mhe.window + 1 - len(columns)
+    missing = [np.full_like(columns[0], np.nan)] * ahead
+    used = (~missing_residuals(mhe.channels, columns[-1])).astype(float)
+    try:
+        found = mhe.step(
+            arrival_mean=at.arrival_mean,
+            arrival_factor=at.arrival_factor,
+            measured=np.column_stack([*columns, *missing]),
+            guess=at.guess,
+            **{
+                key: np.hstack([motion[key] for motion in [*motions, *[motions[-1]] * ahead]])
+                for key in motions[-1]
+            },
+        )
+    except RuntimeError:  # steps to where nothing can be computed: as in C, all stays as it is
+        return at._replace(time=time, violation=np.inf, stationarity=np.inf, used=used)
+    states = found["states"].full()[:, : newest + 1]
+    estimate = WindowEstimate(
+        time=time,
+        state=states[:, -1],
+        states=states,
+        arrival_mean=found["arrival_mean_after"].full().ravel(),
+        arrival_factor=found["arrival_factor_after"].full(),
+        guess=found["guess_after"].full(),
+        violation=float(found["violation"]),
+        stationarity=float(found["stationarity"]),
+        used=used,
+    )
+    if ahead == 0:
+        return estimate
+    first = np.concatenate([states[:, 0], at.guess[mhe.layout.size :, 0]])
+    return estimate._replace(
+        arrival_mean=at.arrival_mean,
+        arrival_factor=at.arrival_factor,
+        guess=np.column_stack([first, estimate.guess[:, :-1]]),
+    )

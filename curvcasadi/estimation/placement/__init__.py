@@ -1,0 +1,1 @@
+"""Where sensors should sit."""

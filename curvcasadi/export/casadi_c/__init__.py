@@ -1,0 +1,1 @@
+"""CasADi's C, made fit for a flight computer."""

@@ -1,0 +1,98 @@
+"""The shape map: from curvature weights to curvature, attitude and position along a beam."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.pose import Pose
+from curvcasadi.kinematics import chain
+from curvcasadi.symbolic.expressions import AnyExpr, Array, expression, station
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Shape:
+    """Poses and curvatures at the stations of a beam."""
+
+    stations: Array  #: xi (N + 1,)
+    poses: tuple[Pose, ...]  #: N + 1 poses, local to parent
+    curvatures: AnyExpr  #: K (3, N + 1), rad/m, local axes
+
+    @property
+    def positions(self) -> AnyExpr:
+        """p (3, N + 1), m, parent axes, one station per column."""
+        return ca.horzcat(*(pose.position for pose in self.poses))
+
+    @property
+    def tip(self) -> Pose:
+        """Pose at xi = 1."""
+        return self.poses[-1]
+
+
+def shape_map(beam: Beam, q: AnyExpr) -> Shape:
+    """Shape of `beam` with weights `q` (Eqs. 3–13).
+
+    Parameters
+    ----------
+    q : (n, 1) SX, MX, DM or numbers, rad/m
+
+    Returns
+    -------
+    Shape
+        Of the kind of `q`: SX weights give an unrolled chain, MX weights a compact one.
+
+    Raises
+    ------
+    ValueError
+        If `q` has a wrong shape or a NaN, breaks `Beam.weight_bounds`, or turns an element by more
+        than `Grid.max_angle`.
+    """
+    q = chain.checked_weights(beam, q)
+    stations = beam.stations
+    return Shape(
+        stations=stations,
+        poses=tuple(poses(beam, q, stations.tolist())),
+        curvatures=ca.horzcat(*(_curvature(beam, q, xi) for xi in stations)),
+    )
+
+
+def pose_at(beam: Beam, q: AnyExpr, xi: float) -> Pose:
+    """Pose at any numeric station `xi` in [0, 1], on or off the grid, local to parent.
+
+    Within an element the rule integrates from the element's start to `xi`: the order is kept.
+    """
+    xi = station("xi", xi)
+    return poses(beam, chain.checked_weights(beam, q), [xi])[0]
+
+
+def curvature(beam: Beam, q: AnyExpr, xi: float) -> AnyExpr:
+    """K(xi) = K_0(xi) + Φ(xi) q (Eq. 3), (3, 1), rad/m, local axes; for any weights."""
+    return _curvature(beam, expression("q", q, (beam.basis.n, 1)), station("xi", xi))
+
+
+def _curvature(beam: Beam, q: AnyExpr, xi: float) -> AnyExpr:
+    phi = ca.sparsify(ca.DM(beam.basis(xi)))
+    return ca.densify(beam.initial_curvature_at(xi) + phi @ q)
+
+
+def squared_element_angles(beam: Beam, q: AnyExpr) -> AnyExpr:
+    """Squared angles (N, 1), rad², by which the elements turn.
+
+    A bound for NLPs, `squared_element_angles(beam, q) <= beam.grid.max_angle**2`: unlike the angle
+    itself it has derivatives at the straight wing.
+    """
+    return chain.element_angles(beam, chain.checked_weights(beam, q))
+
+
+def poses(beam: Beam, q: AnyExpr, stations: Sequence[float]) -> list[Pose]:
+    """Poses of numeric stations, from weights that are checked already."""
+    beam_chain = chain.build(beam, stations)
+    root = ca.veccat(beam.root.rotation, beam.root.position)
+    states = beam_chain.march([chain.pose_step(beam_chain.pattern)], root, q)
+    return [
+        Pose(rotation=rotation, position=position)
+        for rotation, position in map(chain.unpack_pose, states)
+    ]

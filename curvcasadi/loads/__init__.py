@@ -1,0 +1,1 @@
+"""Loads on a beam, and what they amount to at its stations."""

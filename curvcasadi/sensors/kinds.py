@@ -1,0 +1,224 @@
+"""Sensors on a wing: where they sit, how they are mounted, and how noisy they are.
+
+A sensor sits at the station `xi`, at `offset` from the reference curve in local axes, and its own
+axes are turned by `mounting`, which takes sensor components to local ones. Noise is white, and
+independent between samples, axes and sensors. `offset`, `mounting`, `pose` and `bias` may be
+symbols; `bias` adds to what an ideal sensor reads.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from math import sqrt
+from typing import Any, ClassVar
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.beam.pose import Pose
+from curvcasadi.symbolic.expressions import (
+    AnyExpr,
+    Array,
+    Number,
+    expression,
+    function_name,
+    instance,
+    numbers,
+    positive,
+    rotation_matrix,
+    station,
+)
+
+XYZ = ("x", "y", "z")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sensor:
+    """What all kinds of sensors have in common; it measures nothing itself."""
+
+    xi: float  #: station s/L
+    name: str | None = None  #: begins its labels; None for "gyro_1" and so on
+
+    prefix: ClassVar[str] = "sensor"  #: of the names of unnamed sensors
+    components: ClassVar[tuple[str, ...]] = ()  #: of the value; ("",) of a scalar
+    unit: ClassVar[str] = ""  #: of the value
+    residual_components: ClassVar[tuple[str, ...]] = ()  #: of prediction against measurement
+    residual_unit: ClassVar[str] = ""
+    offset_size: ClassVar[int] = 3
+    order: ClassVar[int] = 0  #: 0: reads the shape, 1: and its rate, 2: and its acceleration
+
+    def __post_init__(self) -> None:
+        size = len(self.residual_components)
+        for entry in fields(self):
+            where = f"{type(self).__name__}.{entry.name}"
+            value = self._checked(entry.name, where, getattr(self, entry.name), size)
+            object.__setattr__(self, entry.name, value)
+
+    def _checked(self, field_name: str, where: str, value: Any, size: int) -> Any:
+        """The value of a field, or a ValueError that names it."""
+        match field_name:
+            case "xi":
+                return station(where, value)
+            case "name":
+                return value if value is None else function_name(where, value)
+            case "offset":
+                return expression(where, value, (self.offset_size, 1))
+            case "mounting":
+                return rotation_matrix(where, value)
+            case "pose":
+                rotation_matrix(f"{where}.rotation", instance(where, value, Pose).rotation)
+                return value
+            case "bias":
+                return expression(where, np.zeros(size) if value is None else value, (size, 1))
+            case "rate":
+                return float(positive_numbers(where, value, 1)[0])
+        return positive_numbers(where, value, size)
+
+
+def positive_numbers(where: str, value: Number, size: int) -> Array:
+    """One number above zero for all entries, or one for each: (size,)."""
+    array = numbers(where, value).ravel()
+    if array.size not in (1, size):
+        expected = "1 number" if size == 1 else f"1 number or {size}"
+        raise ValueError(f"{where}: expected {expected}, found {array.size}")
+    for entry in array:
+        positive(where, entry)
+    return np.array(np.broadcast_to(array, (size,)))
+
+
+def deviations(sensor: Any) -> Array:
+    """Standard deviation of one sample of each residual of `sensor`, its `residual_unit`."""
+    return np.asarray(sensor.noise)
+
+
+def _origin() -> AnyExpr:
+    return ca.DM.zeros(3)
+
+
+def _unit() -> AnyExpr:
+    return ca.DM.eye(3)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Sampled(Sensor):
+    """A strapped-down sensor of three axes whose data sheet states a noise density.
+
+    White noise of the density N, sampled at the rate f, has the standard deviation N √f a sample.
+    """
+
+    noise_density: Number  #: N, unit/√Hz, for all axes or each
+    rate: float  #: samples per second, Hz
+    offset: Number = field(default_factory=_origin)  #: (3,), m, local axes
+    mounting: Number = field(default_factory=_unit)  #: (3, 3), sensor to local axes
+    bias: Number = None  #: (3,), unit of the value, sensor axes; zero where None
+
+    components = XYZ
+    residual_components = XYZ
+
+    @property
+    def noise(self) -> Array:
+        """Standard deviation of one sample (3,), unit of the value."""
+        return np.asarray(self.noise_density) * sqrt(self.rate)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RateGyro(_Sampled):
+    """Angular rate (3,), rad/s, sensor axes: Omega of Eq. 1 and the root's rate."""
+
+    prefix = "gyro"
+    unit = residual_unit = "rad/s"
+    order = 1
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Accelerometer(_Sampled):
+    """Specific force (3,), m/s², sensor axes: inertial acceleration of its place minus gravity."""
+
+    prefix = "accelerometer"
+    unit = residual_unit = "m/s²"
+    order = 2
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Magnetometer(_Sampled):
+    """Magnetic field (3,), sensor axes, in the unit of `RootMotion.magnetic_field`, T."""
+
+    prefix = "magnetometer"
+    unit = residual_unit = "T"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AttitudeSensor(Sensor):
+    """Attitude R (3, 3), sensor to inertial axes, with noise and bias on the right.
+
+    R_measured = R exp(bias) exp(noise); the residual is log(R_measuredᵀ R), (3,), rad.
+    """
+
+    noise: Number  #: standard deviation of one sample, rad, for all sensor axes or each
+    mounting: Number = field(default_factory=_unit)  #: (3, 3), sensor to local axes
+    bias: Number = None  #: rotation vector (3,), rad, sensor axes; zero where None
+
+    prefix = "attitude"
+    components = tuple(f"R_{row}{column}" for column in XYZ for row in XYZ)
+    residual_components = XYZ
+    unit, residual_unit = "1", "rad"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StrainGauge(Sensor):
+    """Axial strain at a point (y, z) of the section: ε = K_y z − K_z y."""
+
+    offset: Number  #: (y, z), m, local axes
+    noise: Number  #: standard deviation of one sample, m/m
+    bias: Number = None  #: m/m; zero where None
+
+    prefix = "strain"
+    components = residual_components = ("",)
+    unit = residual_unit = "1"
+    offset_size = 2
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ShearGauge(Sensor):
+    """Torsion K_x, rad/m: the shear strain of a gauge over its distance from the axis of twist."""
+
+    noise: Number  #: standard deviation of one sample, rad/m
+    bias: Number = None  #: rad/m; zero where None
+
+    prefix = "shear"
+    components = residual_components = ("",)
+    unit = residual_unit = "rad/m"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Marker(Sensor):
+    """Position (3,) of a point of the wing, m, inertial axes: motion capture, GNSS."""
+
+    noise: Number  #: standard deviation of one sample, m, for all inertial axes or each
+    offset: Number = field(default_factory=_origin)  #: (3,), m, local axes
+    bias: Number = None  #: (3,), m, inertial axes; zero where None
+
+    prefix = "marker"
+    components = residual_components = XYZ
+    unit = residual_unit = "m"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Camera(Sensor):
+    """Bearing to a point of the wing: normalized image coordinates (u, v) = (x/z, y/z).
+
+    (x, y, z) is the point in camera axes, z along the optical axis. A camera sees what lies before
+    it, within 89.94° of that axis: z > 0, |(x, y)| < 1e3 z. Of all else the bearing is NaN, with
+    zeros for derivatives: estimators take it for missing, and numbers are refused where there is
+    nothing else to go by. The camera moves with the parent, whose pose changes no bearing, while
+    markers and attitude sensors read in inertial axes.
+    """
+
+    pose: Pose  #: of the camera, in parent axes: the body axes of an aircraft
+    noise: Number  #: standard deviation of one sample, tangent of an angle
+    offset: Number = field(default_factory=_origin)  #: (3,) of the point, m, local axes
+    bias: Number = None  #: (2,); zero where None
+
+    prefix = "camera"
+    components = residual_components = ("u", "v")
+    unit = residual_unit = "1"

@@ -1,0 +1,1 @@
+"""Solvers that become C, and certificates of their results."""

@@ -1,0 +1,250 @@
+"""Gauss–Newton sequential quadratic programming, for Functions that hold a whole solver."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.beam.grid import Real
+from curvcasadi.symbolic.expressions import Number
+
+_QUIET: dict[str, dict[str, Any]] = {
+    "qrqp": {"print_iter": False, "print_header": False, "print_info": False},
+    "qpoases": {"printLevel": "none"},
+}
+#: Largest number of active-set changes of one quadratic program, for every unknown and constraint.
+_QP_CHANGES = 3
+
+
+class Tolerances(NamedTuple):
+    """What counts as zero in a number format, in units of x (the objective is scaled so)."""
+
+    step: float  #: of Newton's steps, at which they end
+    dual: float  #: of the gradient, at which they end
+    primal: float  #: of the constraints, at which they end
+    program: tuple[float, float]  #: of a quadratic program, primal and dual
+    stationarity: float  #: of the optimality conditions of a solution that is called one
+    decrement: float  #: of a residual that a Newton step would still take away
+    limit: float  #: by which a solution may exceed a limit
+    flat: float  #: curvature beside which that of the objective is none
+
+
+TOLERANCES: dict[Real, Tolerances] = {
+    "double": Tolerances(1e-10, 1e-13, 1e-9, (1e-10, 1e-12), 1e-8, 1e-6, 1e-6, 1e-12),
+    "float": Tolerances(3e-6, 1e-10, 1e-6, (3e-7, 1e-8), 1e-6, 1e-4, 1e-5, 1e-6),
+}
+
+
+#: Halvings of a step, at most, in programs with the equations of a model among their constraints:
+#: the merit function refuses good steps there, in single precision any.
+SHOOTING: dict[Real, int] = {"double": 2, "float": 0}
+
+
+def roomy(constraints: ca.MX) -> ca.MX:
+    """`constraints`, and a last one that is none, of whose bounds `with_room` knows.
+
+    CasADi's `qrqp` lists where multipliers change their signs in a vector that is too short for all
+    of them and its end: where all change at once it writes beyond. This one is always zero.
+    """
+    return ca.vertcat(constraints, ca.MX.zeros(1))
+
+
+def with_room(limits: dict[str, Number]) -> dict[str, Number]:
+    """`limits` of an NLP whose constraints are `roomy`."""
+    free = {"lbg": -ca.inf, "ubg": ca.inf}
+    return limits | {key: ca.vertcat(limits[key], side) for key, side in free.items()}
+
+
+class Solution(NamedTuple):
+    """What a solver found; the last two by its result alone, whatever it says of itself."""
+
+    x: ca.MX
+    violation: ca.MX  #: excess over bounds and constraints, Euclidean norm
+    stationarity: ca.MX  #: distance from the optimality conditions over its tolerance
+
+
+class Bounds(NamedTuple):
+    """Numbers: lbx ≤ x ≤ ubx, lbg ≤ constraints ≤ ubg."""
+
+    lbx: Number
+    ubx: Number
+    lbg: Number
+    ubg: Number
+
+
+def larger(a: ca.MX, b: ca.MX) -> ca.MX:
+    """The larger of two numbers, and NaN if one is, which `fmax` would overlook."""
+    return (a + b + ca.fabs(a - b)) / 2
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GaussNewton:
+    """`sqpmethod` on a given positive semidefinite Hessian, with a certificate of its result."""
+
+    solver: ca.Function
+    bounds: Bounds
+    certificate: ca.Function
+    iterations: int | None  #: None: converges; otherwise so many programs, with full steps
+
+    def __call__(self, guess: ca.MX, p: ca.MX) -> Solution:
+        """Solution from `guess`, which is moved to within the bounds first."""
+        x = ca.fmin(ca.fmax(guess, self.bounds.lbx), self.bounds.ubx)
+        limits = with_room(self.bounds._asdict())
+        found = self.solver(x0=x, p=p, **limits)
+        for _ in range((self.iterations or 1) - 1):
+            x = found["x"]
+            warm = {"lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
+            found = self.solver(x0=x, p=p, **warm, **limits)
+        multipliers = found["lam_x"], found["lam_g"][:-1]
+        at = () if self.iterations is None else (x,)
+        return Solution(found["x"], *self.certificate(found["x"], p, *multipliers, *at))
+
+
+def gauss_newton_sqp(
+    name: str,
+    x: ca.MX,
+    parameters: ca.MX,
+    objective: ca.MX,
+    hessian: ca.MX,
+    constraints: ca.MX,
+    bounds: Bounds,
+    *,
+    nominal: tuple[Number, Number],
+    real: Real,
+    residual_unit: float | None = None,
+    scaled: bool = True,
+    iterations: int | None = None,
+    max_iter: int = 100,
+    halvings: int = 10,
+    qp_solver: str = "qrqp",
+) -> GaussNewton:
+    """Solver of min objective within `bounds` of x and the constraints; with `qrqp` it becomes C.
+
+    Nothing is printed and nothing raised: a caller checks the certificate.
+
+    Parameters
+    ----------
+    nominal : numbers (x, parameters) at which the largest diagonal entry of the Hessian scales the
+        objective. Gradients and multipliers then have the size of x, which `qrqp` needs: unscaled
+        it gave up on half of the programs with many active bounds
+    real : of the numbers that it will compute with, for tolerances that it can meet
+    residual_unit : size of one unit in ½ |residual|², of which the objective is made: the
+        certificate then asks, too, what a Newton step would still take from the residual along
+        directions in which the objective is soft
+    scaled : False keeps the objective as it is, for QP solvers that would lose the least part of it
+    iterations : None to converge within `max_iter`; k for k quadratic programs with full steps
+    halvings : of a step at most, where it converges, until the merit function falls; the last is
+        taken in any case
+    """
+    if not isinstance(qp_solver, str) or not ca.has_conic(qp_solver):
+        raise ValueError(f"qp_solver: expected a QP solver of CasADi, found {qp_solver!r}")
+    largest = ca.Function("largest", [x, parameters], [ca.mmax(ca.diag(hessian))])(*nominal)
+    stiffness = float(largest)
+    if scaled:
+        objective, hessian, stiffness = objective / stiffness, hessian / stiffness, 1.0
+    tolerances = TOLERANCES[real]
+    qp_options = {"error_on_fail": False, **_QUIET.get(qp_solver, {})}
+    if qp_solver == "qrqp":
+        primal, dual = tolerances.program
+        at_most = {"constr_viol_tol": primal, "dual_inf_tol": dual * stiffness}
+        changes = _QP_CHANGES * (x.shape[0] + constraints.shape[0])
+        qp_options |= {"max_iter": max(changes, 20), **at_most}
+    scale, multipliers = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", constraints.shape[0] + 1)
+    options: dict[str, Any] = {
+        "hess_lag": ca.Function(
+            name + "_hessian",
+            [x, parameters, scale, multipliers],
+            [scale * hessian],
+            ["x", "p", "lam_f", "lam_g"],
+            ["hess_gamma_x_x"],
+        ),
+        "qpsol": qp_solver,
+        "qpsol_options": qp_options,
+        "error_on_fail": False,
+        "max_iter": max_iter if iterations is None else 1,
+        "beta": 0.5,
+        "max_iter_ls": halvings if iterations is None else 0,
+        "tol_du": tolerances.dual * stiffness,
+        "tol_pr": tolerances.primal,
+        "min_step_size": tolerances.step,
+        "print_header": False,
+        "print_iteration": False,
+        "print_status": False,
+        "print_time": False,
+    }
+    nlp: dict[str, Any] = {"x": x, "p": parameters, "f": objective, "g": roomy(constraints)}
+    return GaussNewton(
+        solver=ca.nlpsol(name, "sqpmethod", nlp, options),
+        bounds=bounds,
+        certificate=_certificate(
+            f"{name}_certificate",
+            x,
+            parameters,
+            objective,
+            hessian,
+            constraints,
+            bounds,
+            tolerances,
+            stiffness=stiffness,
+            linearized=iterations is not None,
+            residual_unit=residual_unit and residual_unit * np.sqrt(stiffness / float(largest)),
+        ),
+        iterations=iterations,
+    )
+
+
+def _certificate(
+    name: str,
+    x: ca.MX,
+    parameters: ca.MX,
+    objective: ca.MX,
+    hessian: ca.MX,
+    constraints: ca.MX,
+    bounds: Bounds,
+    tolerances: Tolerances,
+    *,
+    stiffness: float,
+    linearized: bool,
+    residual_unit: float | None,
+) -> ca.Function:
+    """(solution, p, λ_x, λ_g[, x]) -> violation, stationarity.
+
+    The optimality conditions at the solution: r = ∇f + Jᵀ λ_g + λ_x = 0, and a multiplier only
+    where its bound is reached; linearized those of the quadratic program at x, with f and the
+    constraints expanded about it. All over `stiffness`, the size of the Hessian, and so in units of
+    x. With a unit of residuals also the Newton decrement (rᵀ H⁻¹ r)^½: the bound of what is left to
+    gain, as a residual.
+    """
+    n, m = x.shape[0], constraints.shape[0]
+    lam_x, lam_g = ca.MX.sym("lam_x", n), ca.MX.sym("lam_g", m)
+    solution = ca.MX.sym("solution", n) if linearized else x
+    left = ca.gradient(objective + ca.dot(lam_g, constraints), x) + lam_x
+    expanded = values = constraints
+    if linearized:
+        left += hessian @ (solution - x)
+        expanded = constraints + ca.jtimes(constraints, x, solution - x)
+        constrained = ca.Function(f"{name}_constraints", [x, parameters], [constraints])
+        values = constrained(solution, parameters)
+    lower, upper = (
+        ca.DM(np.concatenate([np.broadcast_to(np.ravel(side), size) for side, size in sides]))
+        for sides in (((bounds.lbx, n), (bounds.lbg, m)), ((bounds.ubx, n), (bounds.ubg, m)))
+    )
+    reached, multipliers = ca.vertcat(solution, expanded), ca.vertcat(lam_x, lam_g) / stiffness
+    idle = ca.vertcat(
+        ca.fmin(ca.fmax(multipliers, 0), ca.fmax(upper - reached, 0)),
+        ca.fmin(ca.fmax(-multipliers, 0), ca.fmax(reached - lower, 0)),
+    )
+    errors = [left / (stiffness * tolerances.stationarity), idle / tolerances.stationarity]
+    if residual_unit is not None:
+        curved = hessian + stiffness * tolerances.flat * ca.DM.eye(n)
+        gain = ca.dot(left, ca.solve(curved, left, "qr"))
+        errors.append(ca.sqrt(gain) / (residual_unit * tolerances.decrement))
+    values = ca.vertcat(solution, values)
+    excess = values - ca.fmin(ca.fmax(values, lower), upper)
+    # Euclidean norms, as a maximum would overlook NaN.
+    violation, stationarity = ca.norm_2(excess), ca.norm_2(ca.vertcat(*errors))
+    at = [x] if linearized else []
+    return ca.Function(name, [solution, parameters, lam_x, lam_g, *at], [violation, stationarity])

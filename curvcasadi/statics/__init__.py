@@ -1,0 +1,1 @@
+"""Strain energy, generalized forces, and equilibrium."""

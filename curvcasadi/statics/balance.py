@@ -1,0 +1,219 @@
+"""Generalized forces of a beam, its static residual, and their derivatives.
+
+Virtual work on the weights, with the spatial Jacobian [A; B] of `kinematics` in parent axes:
+
+    Q = Σ_k [A; B]_kᵀ W_k = Σ_e (dξ_e/dq)ᵀ J_l(ξ_e)ᵀ Ad(T_e)ᵀ Σ_{k outboard of e} W_k
+
+One pass outward gives poses and wrenches W_k about the parent origin, one inward sums them: linear
+in the number of elements. In equilibrium r(q) = S q − Q(q) = 0, S the stiffness of the weights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.section import Section
+from curvcasadi.kinematics import chain
+from curvcasadi.kinematics import jacobian as kinematics
+from curvcasadi.loads.stations import loaded_mesh, station_loads
+from curvcasadi.statics import virtual_work
+from curvcasadi.symbolic.expressions import AnyExpr, expression, same_kind
+
+#: Gauss points per panel beyond the number of basis functions, for bases that are not polynomial.
+_EXTRA_POINTS = 12
+
+
+def strain_energy(beam: Beam, q: AnyExpr) -> AnyExpr:
+    """Strain energy U = ½ L ∫ (K − K_0)ᵀ C (K − K_0) dxi = ½ qᵀ S q, (1, 1), J; for any weights.
+
+    Parameters
+    ----------
+    q : (n, 1) SX, MX, DM or numbers, rad/m
+
+    Raises
+    ------
+    ValueError
+        If the beam has no section.
+    """
+    q = expression("q", q, (beam.basis.n, 1))
+    matrix = stiffness_matrix(beam)
+    same_kind(**{"q": q, "Beam.section and Beam.length": matrix})
+    return q.T @ matrix @ q / 2
+
+
+def stiffness_matrix(beam: Beam) -> AnyExpr:
+    """Stiffness of the weights S = L ∫ Φᵀ C Φ dxi, (n, n), N m³: S q is the generalized moment.
+
+    Gauss points between the breaks of basis and section, independent of the grid: exact for
+    polynomial bases and constant sections.
+    """
+    if not isinstance(beam.section, Section):
+        raise ValueError("Beam.section: expected a Section with stiffness, found None")
+    basis, section = beam.basis, beam.section
+    nodes, weights = np.polynomial.legendre.leggauss(basis.n + _EXTRA_POINTS)
+    total = 0
+    for left, right in pairwise([0.0, *beam.breaks, 1.0]):
+        for node, weight in zip(nodes, weights, strict=True):
+            xi = left + (right - left) * (1 + node) / 2
+            phi = ca.sparsify(ca.DM(basis(xi)))
+            total += weight * (right - left) / 2 * (phi.T @ section.stiffness(xi) @ phi)
+    return beam.length * total
+
+
+def generalized_force(
+    beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None = None
+) -> AnyExpr:
+    """Virtual work of `loads` on the weights, Q (n, 1), N m².
+
+    Parameters
+    ----------
+    q : (n, 1) SX, MX, DM or numbers, rad/m
+    loads : of `curvcasadi.loads.stations`; magnitudes may be symbols
+    attitude : (3, 3), parent to inertial axes, for dead loads and gravity; None if these agree
+    """
+    q = expression("q", q, (beam.basis.n, 1))
+    return _passes(beam, q, loads, attitude, tangent=False).force
+
+
+def equilibrium_residual(
+    beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None = None
+) -> AnyExpr:
+    """r = S q − Q(q), (n, 1), N m²: zero in equilibrium. Arguments of `generalized_force`."""
+    return stiffness_matrix(beam) @ q - generalized_force(beam, q, loads, attitude)
+
+
+def equilibrium_tangent(
+    beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None = None
+) -> tuple[AnyExpr, AnyExpr]:
+    """Residual r (n, 1) and its derivative dr/dq (n, n), structured, by the same two passes.
+
+    Unsymmetric where the loads have no potential: follower loads, and dead moments.
+    """
+    balanced = balance(beam, q, loads, attitude, tangent=True)
+    return balanced.residual, balanced.residual_slope
+
+
+def root_wrench(
+    beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None = None
+) -> AnyExpr:
+    """Wrench (moment, force), (6, 1), that `loads` hand on to the root: Σ_k W_k.
+
+    N m and N, parent axes, about the parent origin. Arguments of `generalized_force`.
+    """
+    q = expression("q", q, (beam.basis.n, 1))
+    return _passes(beam, q, loads, attitude, tangent=False).wrench
+
+
+class Balance(NamedTuple):
+    """A loaded beam: what is left of its equilibrium, and what it hands on to its root."""
+
+    residual: AnyExpr  #: S q − Q (n, 1), N m²
+    wrench: AnyExpr  #: `root_wrench`, (6, 1)
+    residual_slope: AnyExpr = None  #: dr/dq (n, n)
+    wrench_slope: AnyExpr = None  #: dW/dq (6, n)
+
+
+def balance(
+    beam: Beam,
+    q: AnyExpr,
+    loads: Sequence[Any],
+    attitude: AnyExpr | None = None,
+    *,
+    tangent: bool = False,
+) -> Balance:
+    """Residual and root wrench by the same passes, with `tangent` also their derivatives."""
+    q = expression("q", q, (beam.basis.n, 1))
+    stiffness = stiffness_matrix(beam)
+    passed = _passes(beam, q, loads, attitude, tangent=tangent)
+    residual = stiffness @ q - passed.force
+    if not tangent:
+        return Balance(residual, passed.wrench)
+    return Balance(residual, passed.wrench, stiffness - passed.force_slope, passed.wrench_slope)
+
+
+def parameter_slopes(
+    beam: Beam,
+    q: AnyExpr,
+    loads: Sequence[Any],
+    parameters: AnyExpr,
+    attitude: AnyExpr | None = None,
+) -> tuple[AnyExpr, AnyExpr]:
+    """Derivatives of `balance` with respect to symbols in loads, attitude and stiffness.
+
+        dr/dp = dS/dp q − Σ_k [A; B]_kᵀ ∂W_k/∂p,      dW/dp = Σ_k ∂W_k/∂p
+
+    each ∂W_k/∂p by AD of one station.
+
+    Parameters
+    ----------
+    parameters : (m, 1)
+
+    Returns
+    -------
+    (n, m), (6, m)
+    """
+    q = expression("q", q, (beam.basis.n, 1))
+    mesh = loaded_mesh(beam, loads)
+    beam_chain = chain.build(beam, mesh.stations.tolist(), boundaries=mesh.stations)
+    root = ca.veccat(beam.root.rotation, beam.root.position)
+    states = kinematics.jacobian_states(beam_chain, q, root)
+    n, m = beam.basis.n, parameters.numel()
+    residual = ca.jacobian(stiffness_matrix(beam) @ q, parameters)
+    wrench = ca.DM.zeros(6, m)
+    for state, acting in zip(states, station_loads(beam, loads, mesh, attitude), strict=True):
+        for formula, data in acting:
+            slope_of = virtual_work.wrench_by_data(formula, data.numel(), m, n)
+            work, part = slope_of(state, data, ca.densify(ca.jacobian(data, parameters)))
+            residual, wrench = residual - work, wrench + part
+    return residual, wrench
+
+
+class _Passed(NamedTuple):
+    """Q (n, 1), root wrench (6, 1), and their derivatives with respect to q."""
+
+    force: AnyExpr
+    wrench: AnyExpr
+    force_slope: AnyExpr = None
+    wrench_slope: AnyExpr = None
+
+
+def _passes(
+    beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None, tangent: bool
+) -> _Passed:
+    mesh = loaded_mesh(beam, loads)
+    data = station_loads(beam, loads, mesh, attitude)
+    for xi, acting in zip(mesh.stations, data, strict=True):
+        same_kind(q=q, **{f"loads at xi = {xi:g}": values for _, values in acting})
+    beam_chain = chain.build(beam, mesh.stations.tolist(), boundaries=mesh.stations)
+    pattern, n = beam_chain.pattern, beam.basis.n
+    root = ca.veccat(beam.root.rotation, beam.root.position)
+    if tangent:
+        states = kinematics.jacobian_states(beam_chain, q, root)
+        inward = virtual_work.inward_tangent(pattern)
+        outboard = [ca.DM.zeros(6), ca.DM.zeros(6, n)]
+        forces = [ca.DM.zeros(n), ca.DM.zeros(n, n)]
+    else:
+        states = beam_chain.march([chain.pose_step(pattern)], root, q)
+        inward = virtual_work.inward(pattern)
+        outboard, forces = [ca.DM.zeros(6)], [ca.DM.zeros(n)]
+    columns = n if tangent else None
+    for k in reversed(range(len(states))):
+        for formula, values in data[k]:
+            wrench_at = virtual_work.station_wrench(formula, values.numel(), columns)
+            wrench = _outputs(wrench_at(states[k], values))
+            outboard = [a + b for a, b in zip(outboard, wrench, strict=True)]
+        if k:
+            crossed = inward(q, states[k - 1], beam_chain.data[k - 1], *outboard, *forces)
+            forces = [*_outputs(crossed)]
+    return _Passed(*(x for pair in zip(forces, outboard, strict=True) for x in pair))
+
+
+def _outputs(results: Any) -> tuple[AnyExpr, ...]:
+    """Outputs of a call as a tuple, also a single one."""
+    return results if isinstance(results, tuple) else (results,)

@@ -1,0 +1,1 @@
+"""CasADi expressions: their types and checks, named Functions, named parts of vectors."""

@@ -1,0 +1,85 @@
+"""Named CasADi Functions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import casadi as ca
+
+from curvcasadi.symbolic.expressions import AnyExpr, is_numeric, same_kind
+
+
+def function(
+    name: str, inputs: Mapping[str, AnyExpr], outputs: Mapping[str, AnyExpr]
+) -> ca.Function:
+    """A `casadi.Function` with named inputs and outputs, common subexpressions shared.
+
+    Parameters
+    ----------
+    name : name of the Function, also in generated C
+    inputs : symbols by name, in order
+    outputs : expressions of the inputs by name, in order
+
+    Raises
+    ------
+    ValueError
+        If an input is not a symbol, SX and MX are mixed, or an output holds another symbol.
+    """
+    for key, symbol in inputs.items():
+        if is_numeric(symbol) or not symbol.is_valid_input():
+            raise ValueError(f"inputs[{key!r}]: expected an SX or MX symbol, found {symbol}")
+    kind = same_kind(**inputs, **{f"outputs[{key!r}]": value for key, value in outputs.items()})
+    for key, value in outputs.items():
+        missing = free_symbols(value, inputs.values())
+        if missing:
+            raise ValueError(
+                f"outputs[{key!r}]: expected an expression of {', '.join(inputs)}; "
+                f"found also {', '.join(missing)}"
+            )
+    expressions = [kind(value) for value in outputs.values()]
+    return ca.Function(name, [*inputs.values()], expressions, [*inputs], [*outputs], {"cse": True})
+
+
+def jacobian_function(f: ca.Function, name: str | None = None) -> ca.Function:
+    """Derivatives of every output of `f` with respect to every input, as a Function of its inputs.
+
+    A structured Jacobian that is attached to `f` is used. Unlike `f.jacobian()` it takes no nominal
+    outputs: exported, it is called like `f`.
+
+    Parameters
+    ----------
+    name : "jacobian_" and the name of `f` unless given
+
+    Returns
+    -------
+    casadi.Function
+        Outputs jac_<output>_<input>, (entries of the output, entries of the input), by columns.
+    """
+    jacobian = f.jacobian()
+    inputs = [ca.MX.sym(key, f.sparsity_in(key)) for key in f.name_in()]
+    nominal = range(f.n_in(), jacobian.n_in())
+    needed = any(
+        jacobian.jac_sparsity(o, i).nnz() for o in range(jacobian.n_out()) for i in nominal
+    )
+    outputs = f.call(inputs) if needed else [ca.MX(*jacobian.size_in(i)) for i in nominal]
+    blocks = jacobian.call([*inputs, *outputs])
+    return ca.Function(
+        name or f"jacobian_{f.name()}", inputs, blocks, f.name_in(), jacobian.name_out()
+    )
+
+
+def free_symbols(value: AnyExpr, declared: Iterable[AnyExpr]) -> list[str]:
+    """Names of the symbols in `value` that are not among the symbols `declared`."""
+    if is_numeric(value):
+        return []
+    known = set(identities(declared))
+    return [str(s) for s in ca.symvar(value) if _identity(s) not in known]
+
+
+def identities(symbols: Iterable[AnyExpr]) -> list[int]:
+    """What tells the primitive symbols in `symbols` apart, whatever their names."""
+    return [_identity(s) for symbol in symbols for s in ca.symvar(symbol)]
+
+
+def _identity(symbol: AnyExpr) -> int:
+    return int(symbol.element_hash() if isinstance(symbol, ca.SX) else symbol.__hash__())

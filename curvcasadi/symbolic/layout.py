@@ -1,0 +1,82 @@
+"""Named parts of a stacked vector."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.symbolic.expressions import Array, Expr, expression
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One named part of a stacked vector: its size, unit and bounds."""
+
+    name: str
+    size: int
+    unit: str
+    lower: float | Array = -np.inf  #: a number or (size,)
+    upper: float | Array = np.inf  #: a number or (size,)
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """The parts of a stacked column vector, in order."""
+
+    parts: tuple[Part, ...]
+
+    def __post_init__(self) -> None:
+        names = [part.name for part in self.parts]
+        if len(set(names)) < len(names):
+            raise ValueError(f"Layout.parts: expected different names, found {names}")
+
+    @property
+    def size(self) -> int:
+        """Length of the vector."""
+        return sum(part.size for part in self.parts)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Name, index and unit of every entry."""
+        return tuple(
+            f"{part.name}[{i}], {part.unit}" for part in self.parts for i in range(part.size)
+        )
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds (size,)."""
+        lower, upper = (
+            np.concatenate(
+                [
+                    np.zeros(0),
+                    *(np.broadcast_to(getattr(part, side), part.size) for part in self.parts),
+                ]
+            )
+            for side in ("lower", "upper")
+        )
+        return lower, upper
+
+    def split(self, vector: Expr) -> dict[str, Expr]:
+        """The parts (size, 1) of a vector (self.size, 1), by name."""
+        column = expression("vector", vector, (self.size, 1))
+        offsets = np.cumsum([0, *(part.size for part in self.parts)]).tolist()
+        pieces = ca.vertsplit(column, offsets) if self.parts else []
+        return {part.name: piece for part, piece in zip(self.parts, pieces, strict=True)}
+
+    def join(self, parts: Mapping[str, Expr]) -> Expr:
+        """The vector (self.size, 1) of named parts.
+
+        Raises
+        ------
+        ValueError
+            If a part is missing, unknown, or of another size.
+        """
+        expected = {part.name for part in self.parts}
+        if set(parts) != expected:
+            raise ValueError(f"parts: expected {sorted(expected)}, found {sorted(parts)}")
+        pieces = (expression(part.name, parts[part.name], (part.size, 1)) for part in self.parts)
+        joined: Expr = ca.vertcat(*pieces)
+        return joined

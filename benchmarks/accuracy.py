@@ -13,7 +13,9 @@ from scipy.special import fresnel
 
 import curvcasadi as cc
 from benchmarks.table import Check, Table, checked, compared
-from benchmarks.wing import (
+from curvcasadi.beam.grid import ExponentialName, RuleName
+from curvcasadi.symbolic.expressions import Array
+from tests.support.wing import (
     LENGTH,
     ORDERS,
     RULES,
@@ -25,8 +27,6 @@ from benchmarks.wing import (
     tip_pose,
     wing,
 )
-from curvcasadi.beam.grid import ExponentialName, RuleName
-from curvcasadi.symbolic.expressions import Array
 
 #: Case 21: K, rad/m, s, m, and tip position, m, of one segment of constant curvature, as published
 #: to ten digits from scipy.linalg.expm of the 4 × 4 twist matrix.

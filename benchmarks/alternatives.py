@@ -17,9 +17,9 @@ from benchmarks.cost import ad_function, pose_jacobian
 from benchmarks.generated_c import compiled
 from benchmarks.table import HEADERS, Table, compared
 from benchmarks.timing import seconds
-from benchmarks.wing import WEIGHTS, elements_for, position_error, wing
 from curvcasadi.beam.grid import RuleName
 from curvcasadi.kinematics.pose_function import Form
+from tests.support.wing import WEIGHTS, elements_for, position_error, wing
 
 #: Tip error of every contender, in L.
 TARGET = 1e-6

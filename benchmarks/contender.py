@@ -9,8 +9,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from benchmarks.wing import WEIGHTS
 from curvcasadi.symbolic.expressions import Array
+from tests.support.wing import WEIGHTS
 
 #: Weight vectors of a batch.
 BATCH = 200

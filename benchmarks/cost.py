@@ -10,9 +10,9 @@ import numpy as np
 
 import curvcasadi as cc
 from benchmarks.table import Check, Table, checked
-from benchmarks.wing import elements_for, tip_error, wing
 from curvcasadi.beam.grid import RuleName
 from curvcasadi.symbolic.expressions import AnyExpr
+from tests.support.wing import elements_for, tip_error, wing
 
 #: Numbers of elements that double; none is 16, of which each is 1 m long and CasADi drops products.
 DOUBLINGS = (10, 20, 40, 80)

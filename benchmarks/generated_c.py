@@ -16,9 +16,9 @@ import casadi as ca
 import curvcasadi as cc
 from benchmarks.cost import ad_function
 from benchmarks.table import Check, Table, checked, compared
-from benchmarks.wing import wing
 from curvcasadi.beam.grid import RuleName
 from curvcasadi.symbolic.expressions import Array
+from tests.support.wing import wing
 
 KIB = 1024
 ELEMENTS = 32

@@ -11,10 +11,10 @@ import curvcasadi as cc
 from benchmarks.contender import batch_weights
 from benchmarks.table import Table, compared
 from benchmarks.timing import seconds
-from benchmarks.wing import WEIGHTS, wing
 from curvcasadi.kinematics import chain
 from curvcasadi.kinematics.pose_function import Form
 from curvcasadi.symbolic.expressions import Array
+from tests.support.wing import WEIGHTS, wing
 
 SAMPLES = 1000
 

@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 from numpy.polynomial import legendre
 
-from benchmarks.wing import LENGTH
 from curvcasadi.symbolic.expressions import AnyExpr
+from tests.support.wing import LENGTH
 
 Tip = tuple[AnyExpr, AnyExpr]
 

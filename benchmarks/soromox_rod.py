@@ -18,7 +18,7 @@ from soromox.systems.gvs import GVS, GVSSegment, StrainBasisSpec
 
 import curvcasadi as cc
 from benchmarks.contender import Contender, batch_weights
-from benchmarks.wing import LENGTH, WEIGHTS, on_grid, position_error, tip_pose
+from tests.support.wing import LENGTH, WEIGHTS, on_grid, position_error, tip_pose
 
 jax.config.update("jax_enable_x64", True)
 

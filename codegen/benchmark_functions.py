@@ -14,8 +14,8 @@ import casadi as ca
 import numpy as np
 
 import curvcasadi as cc
-from benchmarks import wing as test_wing
 from codegen.budgets import Relation
+from tests.support import wing as test_wing
 
 CPUS = ("cortex-m7", "cortex-m4")
 

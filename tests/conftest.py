@@ -7,9 +7,9 @@ from pathlib import Path
 
 import casadi as ca
 import pytest
-from oracle import WING_LENGTH
 
 import curvcasadi as cc
+from tests.support.oracle import WING_LENGTH
 
 REFERENCE = Path(__file__).parent / "reference"
 

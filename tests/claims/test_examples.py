@@ -1,0 +1,112 @@
+"""Every example runs headless in an empty folder and answers its question."""
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "ocp_examples"
+
+
+def run(name, folder):
+    return runpy.run_path(str(EXAMPLES / f"{name}.py"))["main"](folder / "out")
+
+
+def test_every_example_is_tested():
+    assert {path.stem for path in EXAMPLES.glob("*.py")} == {
+        "compare_with_euler_angles",
+        "design_stiffness",
+        "estimate_shape_from_imus",
+        "match_measured_shape",
+        "place_sensors",
+        "reach_tip_pose",
+        "track_tip_path_from_imus",
+        "track_tip_path_mpc",
+        "trim_least_bending",
+        "trim_level_flight",
+    }
+
+
+def test_reach_tip_pose_meets_the_pose(tmp_path):
+    result = run("reach_tip_pose", tmp_path)
+    assert result.reached
+    assert result.distances[0] < 16e-6 and result.angles[0] < 1e-6  # the default tolerance
+    assert (tmp_path / "out" / "reach_tip_pose.png").exists()
+
+
+def test_match_measured_shape_leaves_the_noise(tmp_path):
+    ratio = run("match_measured_shape", tmp_path)
+    # 21 degrees of freedom: the residual's standard deviation is 1/sqrt(42) of it; three of these.
+    assert ratio == pytest.approx(1, abs=3 / np.sqrt(42))
+
+
+def test_place_sensors_finds_more_than_even_spacing(tmp_path):
+    greedy, exact, even = run("place_sensors", tmp_path).values()
+    assert 0.95 * exact.gain < greedy.gain <= exact.gain < greedy.bound
+    assert even.gain < 0.9 * exact.gain
+    assert (tmp_path / "out" / "place_sensors.png").exists()
+
+
+def test_track_tip_path_recovers_from_the_disturbance(tmp_path):
+    distance = run("track_tip_path_mpc", tmp_path)
+    # The disturbance moves the tip by half a metre; each step the observer leaves 0.7 of the error.
+    assert distance.max() > 0.3
+    assert distance[-1] < 1e-3
+    assert (tmp_path / "out" / "track_tip_path_mpc.png").exists()
+
+
+def test_trim_level_flight_needs_more_angle_with_flexible_wings(tmp_path):
+    flexible, stiff = run("trim_level_flight", tmp_path)
+    assert all(result.trimmed for result in (*flexible, *stiff))
+    angles = [[r.angle_of_attack for r in results] for results in (flexible, stiff)]
+    assert np.all(np.diff(angles, axis=1) < 0)  # faster, less
+    assert np.all(np.array(angles[0]) > angles[1])  # bent wings lift inward
+    assert (tmp_path / "out" / "trim_level_flight.png").exists()
+
+
+def test_trim_least_bending_unloads_the_root(tmp_path):
+    clean, flapped = run("trim_least_bending", tmp_path).values()
+    assert flapped.trimmed
+    assert abs(flapped.root_loads["right"][1]) < 0.6 * abs(clean.root_loads["right"][1])
+    assert flapped.inputs["flap_1"] > 0 > flapped.inputs["flap_4"]
+    assert (tmp_path / "out" / "trim_least_bending.png").exists()
+
+
+def test_design_stiffness_puts_it_at_the_root(tmp_path):
+    EI, height, uniform = run("design_stiffness", tmp_path)
+    assert np.all(np.diff(EI.full().ravel()) < 0)
+    assert height == pytest.approx(2, abs=1e-5)  # the bound is active, to the solver's tolerance
+    assert uniform > 2.5
+    assert (tmp_path / "out" / "design_stiffness.png").exists()
+
+
+def test_curvature_weights_are_exact_to_the_basis_and_better_than_superposed_angles(tmp_path):
+    loaded, in_basis = run("compare_with_euler_angles", tmp_path).values()
+    assert in_basis["curvature weights"].max() < 1e-9  # of the span, and degrees
+    assert np.all(in_basis["Euler angles"][:, -1] > [1e-4, 0.1])
+    ours = loaded["curvature weights"]
+    modes, angles = loaded["displacement modes"], loaded["Euler angles"]
+    assert np.all(ours < np.minimum(modes, angles))
+    gains = np.array([modes, angles])[:, :, -1] / ours[:, -1]  # the tip at 60 % of the span
+    assert np.all(gains > [[200, 3], [1.5, 1.2]])
+    # Superposed angles in exact rotations are no straw man.
+    assert np.all(gains[1] < 2)
+    assert (tmp_path / "out" / "compare_with_euler_angles.png").exists()
+
+
+def test_four_imus_know_the_shape_of_a_flapping_wing(tmp_path):
+    rms, within = run("estimate_shape_from_imus", tmp_path)
+    assert rms < 0.01  # of a tip that flaps by 5.5 m
+    assert within > 0.9  # of 3σ; 0.997 if the truth were the filter's own process
+    assert (tmp_path / "out" / "imus.csv").read_text().startswith("time,gyro_1_x,")
+    assert (tmp_path / "out" / "estimate_shape_from_imus.png").exists()
+
+
+def test_the_tip_stays_on_its_path_by_imus_alone(tmp_path):
+    distance, estimate = run("track_tip_path_from_imus", tmp_path)
+    # The disturbance moves the tip by 0.7 m; in the end noise is left, of estimate and control.
+    assert distance.max() > 0.5
+    assert distance[-40:].max() < 0.1
+    assert estimate[-40:].max() < 0.1
+    assert (tmp_path / "out" / "track_tip_path_from_imus.png").exists()

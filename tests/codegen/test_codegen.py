@@ -1,0 +1,228 @@
+"""What applies the export to targets, as far as it goes without their compiler."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import curvcasadi as cc
+from codegen import benchmark_functions as functions
+from codegen import budgets, map_file, toolchain
+from codegen.generate import generate
+from curvcasadi.export import run_check
+
+ROOT = Path(__file__).parents[2]
+
+MAP = """\
+Discarded input sections
+
+ .text.curv_stations
+                0x00000000       0x40 out/curv.o
+
+Memory Configuration
+
+Linker script and memory map
+
+ .text          0x00000040        0x8 out/startup.o
+ .text.curv_tip
+                0x00000048       0x54 out/curv.o
+ .text.casadi_f1
+                0x0000009c      0x100 out/curv_functions.o
+ *fill*         0x0000019c        0x4
+ .rodata.casadi_s0
+                0x000001a0       0x18 out/curv_functions.o
+ .text.__kernel_sinf
+                0x000001b8       0x58 /usr/lib/arm/libm.a(libm_a-kf_sin.o)
+ .bss.buffers.0
+                0x20000000      0x120 out/curv.o
+ .data.none     0x20000120        0x0 out/curv.o
+ .comment       0x00000000       0x33 out/curv.o
+"""
+
+
+def test_the_map_file_says_what_the_linker_kept_of_an_object():
+    sizes = map_file.sizes(MAP, ["curv.o", "curv_functions.o"])
+    assert (sizes["code"], sizes["tables"], sizes["ram"]) == (0x154, 0x18, 0x120)
+    assert map_file.sizes(MAP, ["libm.a"])["code"] == 0x58
+
+
+def test_text_without_a_memory_map_is_refused():
+    with pytest.raises(ValueError, match="expected a map file of GNU ld"):
+        map_file.sizes("Discarded input sections", ["curv.o"])
+
+
+BUDGETS = budgets.Budgets(
+    compiler="arm gcc 12",
+    budget={"a.tip.cortex-m7": {"text": 1000, "instructions": 500}},
+    required={"a.tip.cortex-m7": {"instructions": 510}},
+)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "failing"),
+    [
+        ({"text": 1030, "instructions": 510}, []),
+        ({"text": 1031, "instructions": 500}, ["1031 text, budget 1000"]),
+        ({"text": 1000, "instructions": 511}, ["511 instructions, required at most 510"]),
+    ],
+)
+def test_three_percent_above_a_budget_fails_and_a_requirement_has_no_margin(numbers, failing):
+    found = budgets.failures({"a.tip.cortex-m7": numbers}, BUDGETS)
+    assert found == [f"a.tip.cortex-m7: {line}" for line in failing]
+
+
+def test_a_function_without_a_budget_fails():
+    assert "no budget" in budgets.failures({"a.new.cortex-m7": {"text": 1}}, BUDGETS)[0]
+
+
+def test_a_number_ten_percent_below_its_budget_is_mentioned():
+    key = "a.tip.cortex-m7"
+    assert budgets.savings({key: {"text": 900}}, BUDGETS) == []
+    assert budgets.savings({key: {"text": 899}}, BUDGETS) == [f"{key}: 899 text, budget 1000"]
+
+
+def test_the_budget_file_is_read_as_it_was_written(tmp_path):
+    file = tmp_path / "budgets.toml"
+    more = budgets.updated(BUDGETS, {"a.tip.cortex-m4": {"text": 7}}, 'gcc "13"')
+    file.write_text(budgets.text(more))
+    assert budgets.load(file) == more
+    assert more.budget["a.tip.cortex-m7"] == BUDGETS.budget["a.tip.cortex-m7"]
+
+
+def test_relations_hold_on_every_cpu_by_itself():
+    relation = budgets.Relation(quantity="text", of="a.x", to="a.y", factor=2.0, more=1)
+    measured = {
+        "a.x.cortex-m4": {"text": 21},
+        "a.y.cortex-m4": {"text": 10},
+        "a.x.cortex-m7": {"text": 22},
+        "a.y.cortex-m7": {"text": 10},
+    }
+    assert [holds for _, holds in relation.lines(measured)] == [True, False]
+
+
+def test_every_budget_is_that_of_a_library_and_a_cpu():
+    loaded = budgets.load()
+    known = {(library.name, cpu) for library in functions.LIBRARIES for cpu in library.cpus}
+    assert {(k.split(".")[0], k.split(".")[2]) for k in loaded.budget} == known
+    assert set(loaded.required) <= set(loaded.budget)
+
+
+@pytest.mark.parametrize(
+    "name", ["__aeabi_dadd", "__aeabi_f2d", "__aeabi_cdcmple", "sqrt", "atan2"]
+)
+def test_functions_of_double_are_known_by_name(name):
+    assert toolchain.DOUBLE.fullmatch(name)
+
+
+@pytest.mark.parametrize("name", ["__aeabi_idiv", "sqrtf", "atan2f", "memcpy", "curv_functions_f1"])
+def test_other_functions_are_not_taken_for_those_of_double(name):
+    assert not toolchain.DOUBLE.fullmatch(name)
+
+
+@pytest.mark.parametrize("module", ["codegen.target", "codegen.firmware.run"])
+def test_a_missing_tool_is_named_with_its_package(module, tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", module],
+        cwd=ROOT,
+        env={**os.environ, "PATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "arm-none-eabi-gcc is missing (Debian: apt-get install" in done.stderr
+    assert "qemu-system-arm" in done.stderr
+
+
+def test_the_generator_writes_c_of_a_wing_file_that_agrees_with_python(tmp_path):
+    beam = cc.load_beam(ROOT / "ocp_examples" / "hale_wing.toml")
+    beam = replace(beam, grid=replace(beam.grid, real="float"))
+    assert set(generate(beam, tmp_path)["functions"]) == {"tip", "shape_target", "tip_path_step"}
+    # Rounding of single precision, over the length, and what it makes of a solver's last step.
+    assert max(run_check(tmp_path).values()) <= 1e-3
+
+
+HALE = (ROOT / "ocp_examples" / "hale_wing.toml").read_text()
+
+
+def _generate(tmp_path, text, *options):
+    wing = tmp_path / "wing.toml"
+    wing.write_text(text)
+    return subprocess.run(
+        [sys.executable, "codegen/generate.py", str(wing), "--out", str(tmp_path / "c"), *options],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("weight_bounds = 0.15", ""),
+        ("weight_bounds = 0.15", "weight_bounds = 8.6"),
+        ("weight_bounds = 0.15", "weight_bounds = 1e-3"),
+        ("elements = 16", "elements = 5"),
+        ("length = 16.0", "length = 0.5"),
+        ('n = 4 }\nin_plane = { family = "legendre", n = 2 }', "n = 1 }"),
+    ],
+    ids=["unbounded", "wide", "narrow", "coarse", "short", "few weights"],
+)
+def test_the_generator_finds_shapes_to_test_within_the_limits_of_a_wing(tmp_path, old, new):
+    assert old in HALE
+    done = _generate(tmp_path, HALE.replace(old, new))
+    assert done.returncode == 0, done.stderr
+    assert max(run_check(tmp_path / "c").values()) <= 1e-3
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "message"),
+    [
+        (
+            HALE,
+            ["--max-angle", "0"],
+            r"Grid\.max_angle: expected an angle in \(0, π\] rad",
+        ),
+        (
+            HALE.replace("= 0.15", "= { lower = 5, upper = 8 }"),
+            [],
+            r"expected a grid whose elements",
+        ),
+        (
+            HALE.replace("\nlength", "\nspan"),
+            [],
+            r"\[beam\] span: expected one of",
+        ),
+    ],
+    ids=["no angle", "bent bounds", "unknown key"],
+)
+def test_the_generator_says_in_a_line_what_it_cannot_do(tmp_path, text, options, message):
+    done = _generate(tmp_path, text, *options)
+    assert done.returncode == 2
+    assert re.fullmatch(rf"generate: error: .*{message}.*\n", done.stderr), done.stderr
+
+
+def test_gcc_compiles_all_functions_of_64_elements_in_10_s_and_1_gib(tmp_path):
+    beam = functions.wing(64)
+    names = ("midpoint_32", "target", "target_met", "mpc", "statics", "ekf")
+    libraries = [x for x in functions.LIBRARIES if x.name in names]
+    samples = {}
+    for library in libraries:
+        samples |= library.reference_inputs(beam)
+    exported = [f for library in libraries for f in library.functions(beam)]
+    cc.export_c(exported, tmp_path, real="float", beam=beam, reference_inputs=samples)
+    process = subprocess.Popen(
+        ["gcc", "-std=c99", "-O2", "-c", "curv.c", "curv_functions.c"], cwd=tmp_path
+    )
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 0
+    assert used.ru_utime + used.ru_stime < 10
+    assert used.ru_maxrss * 1024 < 2**30

@@ -20,8 +20,7 @@ from scipy.stats import chi2
 
 import curvcasadi as cc
 from benchmarks.table import Check, Table, checked
-from curvcasadi.beam.grid import Real
-from curvcasadi.symbolic.expressions import Array
+from curvcasadi.symbolic.expressions import Array, Real
 
 DT = 0.01  #: s
 RUNS = 200

@@ -57,21 +57,27 @@ from curvcasadi.aircraft.balance import (
 from curvcasadi.aircraft.trim import trim, trim_sweep
 from curvcasadi.aircraft.trim_problem import TipHeight
 from curvcasadi.aircraft.trim_result import TrimResult, trim_table
-from curvcasadi.beam.basis import ChannelBasis, VectorBasis
-from curvcasadi.beam.beam import Beam
-from curvcasadi.beam.families import (
+from curvcasadi.beam import (
+    Beam,
+    Body,
     BSpline,
     CantileverModes,
+    ChannelBasis,
     Chebyshev,
+    Grid,
     Legendre,
+    ModalBasis,
+    Modes,
     Monomial,
     PiecewiseConstant,
+    Pose,
+    Section,
+    Steps,
     Tabulated,
+    VectorBasis,
+    condense_axial,
+    mirror,
 )
-from curvcasadi.beam.grid import Grid
-from curvcasadi.beam.mirror import mirror
-from curvcasadi.beam.pose import Pose
-from curvcasadi.beam.section import Body, Section, Steps, condense_axial
 from curvcasadi.control.integrators import rk4_step
 from curvcasadi.control.kinematic_model import ControlModel, kinematic_model
 from curvcasadi.errors import ConvergenceError
@@ -91,12 +97,21 @@ from curvcasadi.export import CFunction, export_c
 from curvcasadi.files import WingFile, load_beam, load_wing
 from curvcasadi.files.aircraft import load_aircraft
 from curvcasadi.files.estimation import EstimationFile, load_estimation
-from curvcasadi.files.modes import ModalBasis, Modes, load_modes, modal_basis
-from curvcasadi.kinematics.jacobian import body_jacobian, body_jacobian_rate, body_twist
-from curvcasadi.kinematics.pose_function import pose_function, tip_function
-from curvcasadi.kinematics.resolution import elements_for
-from curvcasadi.kinematics.shape import Shape, curvature, pose_at, shape_map, squared_element_angles
-from curvcasadi.loads.stations import (
+from curvcasadi.files.modes import load_modes, modal_basis
+from curvcasadi.kinematics import (
+    Shape,
+    body_jacobian,
+    body_jacobian_rate,
+    body_twist,
+    curvature,
+    elements_for,
+    pose_at,
+    pose_function,
+    shape_map,
+    squared_element_angles,
+    tip_function,
+)
+from curvcasadi.loads import (
     DistributedForce,
     DistributedMoment,
     Gravity,
@@ -122,17 +137,22 @@ from curvcasadi.sensors import (
     measurement_residual,
     sensor_channels,
 )
-from curvcasadi.statics.balance import (
+from curvcasadi.statics import (
+    Equilibrium,
+    equilibrium_function,
     equilibrium_residual,
     equilibrium_tangent,
     generalized_force,
     root_wrench,
+    solve_equilibrium,
     strain_energy,
 )
-from curvcasadi.statics.equilibrium import Equilibrium, solve_equilibrium
-from curvcasadi.statics.equilibrium_function import equilibrium_function
-from curvcasadi.symbolic.functions import function, jacobian_function
-from curvcasadi.symbolic.layout import Layout, Part
+from curvcasadi.symbolic import (
+    Layout,
+    Part,
+    function,
+    jacobian_function,
+)
 
 __all__ = [
     "Accelerometer",

@@ -19,7 +19,7 @@ from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.mirror import mirror
 from curvcasadi.beam.pose import Pose
 from curvcasadi.beam.section import symmetric
-from curvcasadi.loads.stations import Gravity
+from curvcasadi.loads.kinds import Gravity
 from curvcasadi.statics.balance import Balance, balance, parameter_slopes
 from curvcasadi.symbolic.expressions import (
     AnyExpr,

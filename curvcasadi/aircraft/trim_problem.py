@@ -14,7 +14,7 @@ from curvcasadi.aircraft.balance import Aircraft, Flight, Wing, rigid_wrenches, 
 from curvcasadi.beam.beam import numeric_length
 from curvcasadi.kinematics.pose_function import tip_function
 from curvcasadi.lie import so3
-from curvcasadi.statics.balance import strain_energy
+from curvcasadi.statics.energy import strain_energy
 from curvcasadi.symbolic.expressions import AnyExpr, Array, choice, expression
 
 ANGLES = ("angle_of_attack", "pitch", "sideslip", "roll")

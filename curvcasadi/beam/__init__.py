@@ -1,1 +1,59 @@
 """What a beam is: basis, grid, section, pose, and its mirror image."""
+
+from curvcasadi.beam.basis import (
+    ChannelBasis,
+    VectorBasis,
+)
+from curvcasadi.beam.beam import (
+    Beam,
+)
+from curvcasadi.beam.families import (
+    BSpline,
+    CantileverModes,
+    Chebyshev,
+    Legendre,
+    Monomial,
+    PiecewiseConstant,
+    Tabulated,
+)
+from curvcasadi.beam.grid import (
+    Grid,
+)
+from curvcasadi.beam.mirror import (
+    mirror,
+)
+from curvcasadi.beam.modal import (
+    ModalBasis,
+    Modes,
+)
+from curvcasadi.beam.pose import (
+    Pose,
+)
+from curvcasadi.beam.section import (
+    Body,
+    Section,
+    Steps,
+    condense_axial,
+)
+
+__all__ = [
+    "BSpline",
+    "Beam",
+    "Body",
+    "CantileverModes",
+    "ChannelBasis",
+    "Chebyshev",
+    "Grid",
+    "Legendre",
+    "ModalBasis",
+    "Modes",
+    "Monomial",
+    "PiecewiseConstant",
+    "Pose",
+    "Section",
+    "Steps",
+    "Tabulated",
+    "VectorBasis",
+    "condense_axial",
+    "mirror",
+]

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Literal, NamedTuple, cast
+from typing import Literal, cast
 
 import numpy as np
-from numpy.polynomial import legendre
 
+from curvcasadi.beam.quadrature import GridKind, Panel, lobatto_points, panels_between
 from curvcasadi.lie.series import degree_for
-from curvcasadi.symbolic.expressions import Array, choice, count, numbers
+from curvcasadi.symbolic.expressions import Array, Real, choice, count, numbers
 
 RuleName = Literal["trapezoid", "midpoint", "magnus4", "magnus6"]
 ExponentialName = Literal["series", "rodrigues", "small_angle_sine", "small_angle"]
-Real = Literal["double", "float"]
 RULES = ("trapezoid", "midpoint", "magnus4", "magnus6")
 EXPONENTIALS = ("series", "rodrigues", "small_angle_sine", "small_angle")
 
@@ -30,7 +28,7 @@ class Grid:
     """
 
     boundaries: Array | None = None  #: (N + 1,) increasing from 0 to 1, for a custom grid
-    kind: Literal["uniform", "lobatto", "custom"] = "custom"
+    kind: GridKind = "custom"
     elements: int | None = None  #: number of elements of the beam; of a custom grid None
     rule: RuleName = "magnus4"  #: curvatures of an element to its strain; orders 2, 2, 4, 6
     exponential: ExponentialName = "series"  #: exact by default; the others are the paper's
@@ -134,59 +132,9 @@ class Grid:
     def panels(self, breaks: tuple[float, ...] = (), least: int = 1) -> tuple[Panel, ...]:
         """Quadrature between the breaks, on `stations(breaks, least)`.
 
-        Gauss–Lobatto weights on a Lobatto grid (exact for polynomials of degree 2 n − 1 of n
-        elements), else weights of order 4, or less where a panel has fewer than three elements.
+        See `quadrature.panels_between` for the weights.
         """
-        stations = self.stations(breaks, least)
-        ends = np.searchsorted(stations, [0.0, *breaks, 1.0])
-        return tuple(
-            _panel(self, np.arange(a, b + 1), stations[a : b + 1]) for a, b in pairwise(ends)
-        )
-
-
-class Panel(NamedTuple):
-    """Quadrature over the stations between two breaks; weights sum to its part of [0, 1]."""
-
-    nodes: tuple[int, ...]  #: indices of the stations
-    xi: Array  #: stations, the ends moved into the panel: at a jump each panel takes its own limit
-    weights: Array
-
-
-def _panel(grid: Grid, nodes: Array, xi: Array) -> Panel:
-    weights = _interpolatory_weights(xi) if grid.kind == "lobatto" else _cubic_weights(xi)
-    inside = np.clip(xi, np.nextafter(xi[0], 1), np.nextafter(xi[-1], 0))
-    return Panel(tuple(int(k) for k in nodes), inside, weights)
-
-
-def _interpolatory_weights(xi: Array) -> Array:
-    """Weights that integrate the polynomial through all points; Gauss–Lobatto on such points."""
-    n = len(xi)
-    points = 2 * (xi - xi[0]) / (xi[-1] - xi[0]) - 1
-    moments = np.zeros(n)
-    moments[0] = 2  # of Legendre polynomials over [−1, 1]
-    weights = np.linalg.solve(legendre.legvander(points, n - 1).T, moments)
-    return np.asarray(weights * (xi[-1] - xi[0]) / 2)
-
-
-def _cubic_weights(xi: Array) -> Array:
-    """Weights of order 4: in each interval the cubic through the four nearest points."""
-    weights = np.zeros(len(xi))
-    for k in range(len(xi) - 1):
-        first = int(np.clip(k - 1, 0, max(len(xi) - 4, 0)))
-        nearest = np.arange(first, min(first + 4, len(xi)))
-        left, right = xi[k], xi[k + 1]
-        scaled = (xi[nearest] - left) / (right - left)
-        moments = 1 / np.arange(1, len(nearest) + 1)
-        powers = np.vander(scaled, increasing=True)
-        weights[nearest] += (right - left) * np.linalg.solve(powers.T, moments)
-    return weights
-
-
-def lobatto_points(n: int) -> Array:
-    """The n + 1 Gauss–Lobatto points on [0, 1]: the ends and the roots of P_n'."""
-    interior = legendre.legroots(legendre.legder(np.eye(n + 1)[n])) if n > 1 else np.array([])
-    points = np.concatenate([[-1.0], np.sort(np.real(interior)), [1.0]])
-    return np.asarray((1 + (points - points[::-1]) / 2) / 2)  # exactly symmetric
+        return panels_between(self.kind, self.stations(breaks, least), breaks)
 
 
 def _uniform_points(n: int) -> Array:

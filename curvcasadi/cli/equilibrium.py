@@ -15,7 +15,8 @@ from curvcasadi.files import load_wing, write_shape
 from curvcasadi.files.loads import parse_load
 from curvcasadi.kinematics.history import shape_history
 from curvcasadi.lie import so3
-from curvcasadi.statics.balance import root_wrench, strain_energy
+from curvcasadi.statics.balance import root_wrench
+from curvcasadi.statics.energy import strain_energy
 from curvcasadi.statics.equilibrium import Equilibrium, solve_equilibrium
 
 HELP = """\

@@ -9,12 +9,12 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.beam.grid import Real
 from curvcasadi.kinematics.pose_function import tip_function
 from curvcasadi.kinematics.resolution import largest_element_angles
 from curvcasadi.kinematics.shape import curvature, squared_element_angles
 from curvcasadi.symbolic.expressions import (
     Number,
+    Real,
     expression,
     instance,
     is_numeric,

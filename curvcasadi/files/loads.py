@@ -37,7 +37,7 @@ _KEYS: dict[str, tuple[dict[str, toml.Kind], dict[str, toml.Kind]]] = {
 
 
 def read_load(table: toml.Table) -> Any:
-    """Load of a table: its type, and the fields of that class of `curvcasadi.loads.stations`.
+    """Load of a table: its type, and the fields of that class of `curvcasadi.loads.kinds`.
 
     A distributed force or moment may differ from interval to interval of its `xi`.
     """

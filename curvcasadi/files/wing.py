@@ -43,7 +43,7 @@ class WingFile:
     """What a wing file holds."""
 
     beam: Beam
-    loads: tuple[Any, ...]  #: of `curvcasadi.loads.stations`, in the order of the file
+    loads: tuple[Any, ...]  #: of `curvcasadi.loads.kinds`, in the order of the file
 
 
 def load_beam(path: str | Path) -> Beam:

@@ -1,4 +1,4 @@
-"""Twists and Jacobians along a beam, by sums over its elements.
+"""Jacobians along a beam, by sums over its elements.
 
 The spatial Jacobian at a station (relative to the root, root axes, at the root) is the sum of the
 contributions of all elements inboard of it:
@@ -11,18 +11,14 @@ Its cost is linear in the number of elements. Nothing here depends on the beam's
 from __future__ import annotations
 
 from functools import lru_cache
-from math import comb
-from typing import Any, NamedTuple
 
 import casadi as ca
-import numpy as np
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.kinematics import chain, element
 from curvcasadi.kinematics.chain import Interval, Pattern
-from curvcasadi.kinematics.rules import strain_with_derivatives
 from curvcasadi.lie import so3
-from curvcasadi.symbolic.expressions import AnyExpr, expression, same_kind, station
+from curvcasadi.symbolic.expressions import AnyExpr, station
 
 
 def body_jacobian(beam: Beam, q: AnyExpr, xi: float = 1.0) -> AnyExpr:
@@ -48,128 +44,6 @@ def body_jacobian(beam: Beam, q: AnyExpr, xi: float = 1.0) -> AnyExpr:
     return body_jacobian_of(state)
 
 
-def body_jacobian_rate(beam: Beam, q: AnyExpr, q_dot: AnyExpr, xi: float = 1.0) -> AnyExpr:
-    """Rate of the body Jacobian along `q_dot` (n, 1), rad/(m s): (6, n), axes of `body_jacobian`.
-
-    With V = [A; B] q_dot the spatial twist of the station:
-
-        dJ/dt = Ad(T⁻¹) (d[A; B]/dt − ad(V) [A; B])
-    """
-    q, q_dot = _weights_and_rate(beam, q, q_dot)
-    beam_chain = chain.build(beam, (station("xi", xi),))
-    motion = Motion(q=q, q_dot=q_dot)
-    (state,) = motion_states(beam_chain, motion, order=1, jacobian=True)
-    at_station = unpack_motion(state, order=1)
-    (a, b), (a_rate, b_rate) = at_station.sums
-    omega_hat = so3.hat(at_station.twist[:3])
-    angular = a_rate - omega_hat @ a
-    linear = b_rate - so3.hat(at_station.twist[3:]) @ a - omega_hat @ b
-    return _to_body(at_station.rotation, at_station.position, angular, linear)
-
-
-def body_twist(
-    beam: Beam,
-    q: AnyExpr,
-    q_dot: AnyExpr,
-    xi: float = 1.0,
-    root_twist: AnyExpr | None = None,
-) -> AnyExpr:
-    """Body twist (Ω, v), (6, 1), of the station `xi`: rad/s and m/s, its local axes.
-
-    Parameters
-    ----------
-    q, q_dot : (n, 1), rad/m and rad/(m s)
-    root_twist : (6, 1), the root's own body twist, root axes, the parent's motion included; without
-        it the twist is relative to the root. With it the first three rows are what a rate gyro
-        strapped to the station reads, Omega of Eq. 1 and the root's rate in local axes.
-    """
-    q, q_dot = _weights_and_rate(beam, q, q_dot)
-    beam_chain = chain.build(beam, (station("xi", xi),))
-    motion = Motion(q=q, q_dot=q_dot)
-    if root_twist is not None:
-        root_twist = expression("root_twist", root_twist, (6, 1))
-        same_kind(q=q, q_dot=q_dot, root_twist=root_twist, **beam.design_symbols)
-        motion = motion._replace(root_twist=root_twist)
-    (state,) = motion_states(beam_chain, motion, order=1)
-    at_station = unpack_motion(state, order=1)
-    twist = at_station.twist
-    return _to_body(at_station.rotation, at_station.position, twist[:3], twist[3:])
-
-
-class Motion(NamedTuple):
-    """Weights and root in motion; what is None is at rest."""
-
-    q: AnyExpr
-    q_dot: AnyExpr = None
-    q_ddot: AnyExpr = None
-    root_twist: AnyExpr = None  #: (6, 1) body twist of the root, root axes
-    root_twist_rate: AnyExpr = None  #: (6, 1), derivative of its components
-
-
-class StationMotion(NamedTuple):
-    """A station in the inertial axes that coincide with the root's at this instant.
-
-    Twist and acceleration are spatial: (Ω, v) of the material at the origin of these axes, and its
-    rate. `sums` are the spatial Jacobian (A, B), (3, n) each, and its rates in these axes.
-    """
-
-    rotation: AnyExpr
-    position: AnyExpr
-    twist: AnyExpr
-    acceleration: AnyExpr
-    sums: tuple[tuple[AnyExpr, AnyExpr], ...]
-
-
-def motion_states(
-    beam_chain: chain.Chain, motion: Motion, order: int, jacobian: bool = False, span: int = 1
-) -> list[AnyExpr]:
-    """States at the stations of a chain: see `unpack_motion`.
-
-    With V = T_t T⁻¹ the spatial twist, root motion included, J_s = [A; B] the spatial Jacobian, and
-    rates taken along the motion in inertial axes, the Maurer–Cartan identity
-    ∂_i J_j − ∂_j J_i = [J_i, J_j] makes rates of derivatives:
-
-        body twist:    ∂/∂q = Ad(T⁻¹) dJ_s/dt,      ∂/∂q_dot = Ad(T⁻¹) J_s
-        velocity and acceleration of a material point, with G = B + A × p:
-                       ∂p_tt/∂q = G_tt,   ∂p_tt/∂q_dot = 2 G_t,   ∂p_tt/∂q_ddot = G
-
-    Parameters
-    ----------
-    order : 0 for poses, 1 for twists, 2 for accelerations
-    jacobian : whether the sums are marched, too, and their rates up to `order`
-    span : most elements that a call with MX weights crosses, where the sums are marched
-    """
-    n, zero = beam_chain.pattern.n, ca.DM.zeros(6)
-    root = (motion.root_twist, motion.root_twist_rate)[:order]
-    start = [chain.IDENTITY, *(zero if value is None else value for value in root)]
-    if jacobian:
-        start.append(ca.DM.zeros(6 * n * (order + 1)))
-    arguments = [motion.q]
-    if order:
-        arguments.append(ca.DM.zeros(n) if motion.q_dot is None else motion.q_dot)
-    if order == 2 and motion.q_ddot is not None:
-        arguments.append(motion.q_ddot)
-    steps = [
-        _motion_step(beam_chain.pattern, order, len(arguments) - 1, jacobian, count)
-        for count in range(1, 1 + span)
-    ]
-    return beam_chain.march(steps, ca.densify(ca.vertcat(*start)), *arguments)
-
-
-def unpack_motion(state: AnyExpr, order: int) -> StationMotion:
-    """Parts of a state (vec R, p, twist, acceleration, vec A, vec B, vec A', vec B' …)."""
-    first = 12 + 6 * order
-    size = (state.numel() - first) // (6 * order + 6)
-    sums = []
-    for k in range(order + 1 if size else 0):
-        middle = first + (6 * k + 3) * size
-        a, b = state[middle - 3 * size : middle], state[middle : middle + 3 * size]
-        sums.append((ca.reshape(a, 3, size), ca.reshape(b, 3, size)))
-    twist = state[12:18] if order else ca.DM.zeros(6)
-    acceleration = state[18:24] if order == 2 else ca.DM.zeros(6)
-    return StationMotion(*chain.unpack_pose(state), twist, acceleration, tuple(sums))
-
-
 def jacobian_states(
     beam_chain: chain.Chain, q: AnyExpr, root: AnyExpr = chain.IDENTITY
 ) -> list[AnyExpr]:
@@ -186,7 +60,7 @@ def jacobian_states(
 def body_jacobian_of(state: AnyExpr) -> AnyExpr:
     """Body Jacobian (6, columns) of a state of `jacobian_states`."""
     rotation, position = chain.unpack_pose(state)
-    return _to_body(rotation, position, *unpack_sums(state))
+    return to_body(rotation, position, *unpack_sums(state))
 
 
 def unpack_sums(state: AnyExpr) -> tuple[AnyExpr, AnyExpr]:
@@ -196,17 +70,10 @@ def unpack_sums(state: AnyExpr) -> tuple[AnyExpr, AnyExpr]:
     return ca.reshape(state[12:middle], 3, columns), ca.reshape(state[middle:], 3, columns)
 
 
-def _to_body(rotation: AnyExpr, position: AnyExpr, angular: AnyExpr, linear: AnyExpr) -> AnyExpr:
+def to_body(rotation: AnyExpr, position: AnyExpr, angular: AnyExpr, linear: AnyExpr) -> AnyExpr:
     """Ad(T⁻¹) [angular; linear]: spatial to local axes, moved to the station."""
     at_station = linear - so3.hat(position) @ angular
     return ca.vertcat(rotation.T @ angular, rotation.T @ at_station)
-
-
-def _weights_and_rate(beam: Beam, q: AnyExpr, q_dot: AnyExpr) -> tuple[AnyExpr, AnyExpr]:
-    q = chain.checked_weights(beam, q)
-    q_dot = expression("q_dot", q_dot, (beam.basis.n, 1))
-    same_kind(q=q, q_dot=q_dot, **beam.design_symbols)
-    return q, q_dot
 
 
 def interval_tangent(pattern: Pattern, state: ca.SX, interval: Interval) -> tuple[ca.SX, ...]:
@@ -238,118 +105,3 @@ def _jacobian_step(pattern: Pattern) -> ca.Function:
         symbols.data,
         ca.veccat(rotation, position, a, b),
     )
-
-
-@lru_cache(maxsize=256)
-def _motion_step(
-    pattern: Pattern, order: int, rates: int, jacobian: bool, count: int = 1
-) -> ca.Function:
-    """(q, q_dot, q_ddot, state, data) -> state, with the first `rates` of the rates of q.
-
-    Of one interval SX; of several, whose data are stacked, MX that calls the two parts of a step:
-    generated C is shorter than with steps of one part, and keeps more results meanwhile.
-    """
-    n = pattern.n
-    kind: Any = ca.SX if count == 1 else ca.MX
-    arguments = {name: kind.sym(name, n) for name in ("q", "q_dot", "q_ddot")[: 1 + rates]}
-    first, sizes = 12 + 6 * order, [6 * n] * (order + 1 if jacobian else 0)
-    state = kind.sym("state", first + sum(sizes))
-    data = kind.sym("data", count * sum(pattern.sizes))
-    tangent, columns = _tangent_step(pattern, order, rates), _columns_step(pattern)
-    start, *sums = ca.vertsplit(state, np.cumsum([0, first, *sizes]).tolist())
-    before = [kind(6 * n, 1)] * (order + 1)
-    for part in ca.vertsplit(data, sum(pattern.sizes)):
-        start, *found = tangent(*arguments.values(), start, part, *(sums or before))
-        factors, strains = found[: order + 1], found[order + 1 :]
-        for k in range(len(sums)):
-            for i in range(k + 1):
-                sums[k] = columns(sums[k], comb(k, i) * factors[i], strains[k - i], part)
-    name, end = "element_motion", kind(ca.vertcat(start, *sums))
-    if count > 1:
-        name += f"_{count}"
-    return chain.step_function(name, arguments, state, data, end)
-
-
-@lru_cache(maxsize=256)
-def _tangent_step(pattern: Pattern, order: int, rates: int) -> ca.Function:
-    """(q, q_dot, q_ddot, state without sums, data, sums) -> state without sums, then the factors
-    (left, shift) and (dθ, dv) of `element.advance_with_factors`, each with its rates up to `order`.
-
-    Sums are inputs that nothing depends on: so generated C finishes those of one element before it
-    turns to the next, and keeps the factors of one element alone.
-
-    Rates are derivatives along the motion of the element's own start pose and moments, as Taylor
-    polynomials of the time: AD of one element, never of the chain.
-    """
-    symbols = chain.interval(pattern)
-    directions = symbols.directions[1:, : pattern.n]
-    weight_rates = {name: ca.SX.sym(name, pattern.n) for name in ("q_dot", "q_ddot")[:rates]}
-    moment_rates = [directions @ rate for rate in weight_rates.values()]
-    moment_rates += [ca.SX(directions.shape[0], 1)] * (order - rates)
-    state = ca.SX.sym("state", 12 + 6 * order)
-    start = unpack_motion(state, order)
-
-    t = ca.SX.sym("t")
-    rotation, position, moments = _taylor(start, symbols.moments, moment_rates, t)
-    rotation, position, left, shift, d_theta, d_v = element.advance_with_factors(
-        rotation, position, symbols.h, moments, pattern.rule, pattern.exponential, pattern.degree
-    )
-    factors, strains = [ca.horzcat(left, shift)], [ca.vertcat(d_theta, d_v)[:, 1:]]
-    for series in (factors, strains):
-        for _ in range(order):
-            rate = ca.jacobian(ca.vec(ca.densify(series[-1])), t)
-            series.append(ca.project(ca.reshape(rate, *series[0].shape), series[0].sparsity()))
-    end, *found = ca.substitute([ca.veccat(rotation, position), *factors, *strains], [t], [0])
-    factors, strains = found[: order + 1], found[order + 1 :]
-
-    parts = [end]
-    if order:
-        moved = strains[0] @ moment_rates[0]
-        parts.append(start.twist + _columns(factors[0], moved))
-    if order == 2:
-        moved_rate = strains[1] @ moment_rates[0] + strains[0] @ moment_rates[1]
-        added = _columns(factors[1], moved) + _columns(factors[0], moved_rate)
-        parts.append(start.acceleration + added)
-    sums = [ca.SX.sym("sums", 6 * pattern.n) for _ in range(order + 1)]
-    inputs = [symbols.q, *weight_rates.values(), state, symbols.data, *sums]
-    outputs = [ca.vertcat(*parts), *factors, *strains]
-    return ca.Function("element_tangent", inputs, outputs, {"cse": True})
-
-
-@lru_cache(maxsize=256)
-def _columns_step(pattern: Pattern) -> ca.Function:
-    """(sums, (left, shift), (dθ, dv), data) -> sums (vec A, vec B) with those of an element."""
-    symbols = chain.interval(pattern)
-    _, _, d_theta, d_v = strain_with_derivatives(pattern.rule)(symbols.h, symbols.moments)
-    strains = ca.SX.sym("strains", ca.vertcat(d_theta, d_v)[:, 1:].sparsity())
-    sums, factors = ca.SX.sym("sums", 6 * pattern.n), ca.SX.sym("factors", 3, 6)
-    added = _columns(factors, strains) @ symbols.directions[1:, : pattern.n]
-    after = sums + ca.densify(ca.veccat(added[:3, :], added[3:, :]))
-    inputs = [sums, factors, strains, symbols.data]
-    return ca.Function("element_columns", inputs, [after], {"cse": True})
-
-
-def _columns(factors: ca.SX, strains: ca.SX) -> ca.SX:
-    """[left dθ; shift dθ + left dv]."""
-    left, shift = factors[:, :3], factors[:, 3:]
-    return ca.vertcat(left @ strains[:3, :], shift @ strains[:3, :] + left @ strains[3:, :])
-
-
-def _taylor(
-    start: StationMotion, moments: ca.SX, moment_rates: list[ca.SX], t: ca.SX
-) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Pose of a material frame and moments of its element after the time `t`."""
-    rotation, position = start.rotation, start.position
-    rates = [ca.reshape(rate, *moments.shape) for rate in moment_rates]
-    if rates:
-        omega, v = so3.hat(start.twist[:3]), start.twist[3:]
-        turning, velocity = omega @ rotation, v + omega @ position
-        rotation, position = rotation + t * turning, position + t * velocity
-        moments = moments + t * rates[0]
-    if len(rates) == 2:
-        alpha = so3.hat(start.acceleration[:3])
-        rotation += t**2 / 2 * (alpha @ start.rotation + omega @ turning)
-        bent = start.acceleration[3:] + alpha @ start.position + omega @ velocity
-        position += t**2 / 2 * bent
-        moments += t**2 / 2 * rates[1]
-    return rotation, position, moments

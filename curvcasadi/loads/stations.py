@@ -1,4 +1,4 @@
-"""Loads on a beam, and what they amount to at its stations.
+"""What loads amount to at the stations of a beam.
 
 At a station with pose (R, p), parent axes, every load below is one wrench about the parent origin
 
@@ -12,106 +12,34 @@ depends on the pose otherwise brings a formula of its own, its class attribute `
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import singledispatch
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam, merged_breaks
-from curvcasadi.beam.grid import Panel
+from curvcasadi.beam.quadrature import Panel
 from curvcasadi.beam.section import Section
 from curvcasadi.lie import so3
+from curvcasadi.loads.kinds import (
+    DistributedForce,
+    DistributedMoment,
+    Frame,
+    Gravity,
+    PointForce,
+    PointMoment,
+)
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
     Number,
-    choice,
     expression,
     rotation_matrix,
-    station,
 )
-
-Frame = Literal["dead", "follower", "body"]
-FRAMES = ("dead", "follower", "body")
 
 #: Numbers that describe the loads at one station: F_d, M_d, vec N, F_f, M_f.
 SIZE = 21
-
-
-@dataclass(frozen=True, eq=False)
-class Gravity:
-    """Weight of the sections (mass per length, centre of mass) and bodies of a beam."""
-
-    acceleration: Number  #: (3,), m/s², inertial axes
-
-    def __post_init__(self) -> None:
-        _vector(self, "acceleration")
-
-
-@dataclass(frozen=True, eq=False)
-class PointForce:
-    """A force at a station. "dead": fixed inertial direction; "follower": fixed in local axes;
-    "body": fixed in the parent (an aircraft's body axes)."""
-
-    xi: float  #: station s/L
-    force: Number  #: (3,), N, axes as `frame` says
-    frame: Frame = "dead"
-    offset: Number = (0.0, 0.0, 0.0)  #: where it acts from the reference curve, m, local axes
-
-    def __post_init__(self) -> None:
-        station("PointForce.xi", self.xi)
-        choice("PointForce.frame", self.frame, FRAMES)
-        _vector(self, "force")
-        _vector(self, "offset")
-
-
-@dataclass(frozen=True, eq=False)
-class PointMoment:
-    """A moment at a station; frames as of `PointForce`. A dead moment has no potential."""
-
-    xi: float  #: station s/L
-    moment: Number  #: (3,), N m, axes as `frame` says
-    frame: Frame = "dead"
-
-    def __post_init__(self) -> None:
-        station("PointMoment.xi", self.xi)
-        choice("PointMoment.frame", self.frame, FRAMES)
-        _vector(self, "moment")
-
-
-@dataclass(frozen=True, eq=False)
-class DistributedForce:
-    """A force per length along the whole span; frames as of `PointForce`."""
-
-    force: Number  #: (3,), N/m, or a function of xi; one with jumps has `breaks`
-    frame: Frame = "dead"
-    offset: Number = (0.0, 0.0, 0.0)  #: where it acts from the reference curve, m, local axes
-
-    def __post_init__(self) -> None:
-        choice("DistributedForce.frame", self.frame, FRAMES)
-        _vector(self, "force")
-        _vector(self, "offset")
-
-
-@dataclass(frozen=True, eq=False)
-class DistributedMoment:
-    """A moment per length along the whole span; frames as of `PointForce`."""
-
-    moment: Number  #: (3,), N, or a function of xi; one with jumps has `breaks`
-    frame: Frame = "dead"
-
-    def __post_init__(self) -> None:
-        choice("DistributedMoment.frame", self.frame, FRAMES)
-        _vector(self, "moment")
-
-
-def _vector(load: Any, name: str) -> None:
-    value = getattr(load, name)
-    if not callable(value):
-        checked = expression(f"{type(load).__name__}.{name}", value, (3, 1))
-        object.__setattr__(load, name, checked)
 
 
 #: Formula (R, p, data) -> wrench (moment, force), (6, 1), about the parent origin, parent axes.

@@ -8,7 +8,6 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.beam.grid import Real
 from curvcasadi.ocp.targets import (
     Regularizer,
     Residuals,
@@ -21,7 +20,7 @@ from curvcasadi.ocp.targets import (
     shape_limits,
 )
 from curvcasadi.solvers.sqp import TOLERANCES, Bounds, gauss_newton_sqp, larger
-from curvcasadi.symbolic.expressions import Number, count, function_name, positive
+from curvcasadi.symbolic.expressions import Number, Real, count, function_name, positive
 
 #: (weight of the preference in the objective, the same in the Hessian), stage by stage. From a
 #: stronger preference, which leads to the right valley, to ever weaker ones, with which multipliers

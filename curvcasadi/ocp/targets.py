@@ -15,7 +15,7 @@ from curvcasadi.kinematics.pose_function import pose_function
 from curvcasadi.kinematics.resolution import largest_element_angles
 from curvcasadi.kinematics.shape import curvature, squared_element_angles
 from curvcasadi.lie import so3
-from curvcasadi.statics.balance import stiffness_matrix
+from curvcasadi.statics.energy import stiffness_matrix
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,

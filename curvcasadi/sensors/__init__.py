@@ -1,5 +1,6 @@
 """Sensors on a wing, what they read, and the derivatives of it."""
 
+from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.sensors.channels import Channels, sensor_channels
 from curvcasadi.sensors.kinds import (
     Accelerometer,
@@ -18,7 +19,6 @@ from curvcasadi.sensors.measurement import (
     measurement_function,
     measurement_residual,
 )
-from curvcasadi.sensors.root_motion import RootMotion
 
 __all__ = [
     "Accelerometer",

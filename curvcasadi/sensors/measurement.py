@@ -11,13 +11,13 @@ import numpy as np
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.pose import Pose
+from curvcasadi.kinematics.root_motion import ROOT_INPUTS, RootMotion, numeric_root
 from curvcasadi.kinematics.shape import poses
 from curvcasadi.sensors import station as station_functions
 from curvcasadi.sensors.channels import Channels, checked_sensors, sensor_channels
 from curvcasadi.sensors.kinds import AttitudeSensor, Camera, Sensor
 from curvcasadi.sensors.readings import WIDEST
 from curvcasadi.sensors.readout import Readout
-from curvcasadi.sensors.root_motion import ROOT_INPUTS, RootMotion, numeric_root
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,

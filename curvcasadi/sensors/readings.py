@@ -1,8 +1,8 @@
 """What each kind of sensor reads at a station, and the derivatives of it.
 
 All in the inertial axes that coincide with the root's at this instant ("root axes" below), where a
-station moves as `kinematics.StationMotion` says. With the spatial Jacobian J = (A, B), its rates
-(A_t, B_t), (A_tt, B_tt), and a material point P = p + R r:
+station moves as `kinematics.motion.StationMotion` says. With the spatial Jacobian J = (A, B), its
+rates (A_t, B_t), (A_tt, B_tt), and a material point P = p + R r:
 
     R_q = [A×] R,    P_q = B + A × P,    (Rᵀ Ω)_q = Rᵀ A_t,    (Rᵀ Ω)_q_dot = Rᵀ A
     P_tt,q = (P_q)_tt,    P_tt,q_dot = 2 (P_q)_t,    P_tt,q_ddot = P_q
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import casadi as ca
 
-from curvcasadi.kinematics.jacobian import StationMotion
+from curvcasadi.kinematics.motion import StationMotion
 from curvcasadi.lie import so3
 from curvcasadi.sensors.kinds import (
     Accelerometer,

@@ -11,12 +11,12 @@ import numpy as np
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.kinematics import chain
-from curvcasadi.kinematics.jacobian import Motion, motion_states
+from curvcasadi.kinematics.motion import Motion, motion_states
+from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.kinematics.shape import curvature
 from curvcasadi.sensors.channels import Channels, checked_sensors, sensor_channels
 from curvcasadi.sensors.kinds import Sensor, ShearGauge, StrainGauge
 from curvcasadi.sensors.readings import READINGS
-from curvcasadi.sensors.root_motion import RootMotion
 from curvcasadi.sensors.station import (
     derivative_function,
     mount_fields,

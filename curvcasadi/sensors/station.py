@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 
 from curvcasadi.beam.pose import Pose
-from curvcasadi.kinematics.jacobian import StationMotion, unpack_motion
+from curvcasadi.kinematics.motion import StationMotion, unpack_motion
 from curvcasadi.lie import so3
 from curvcasadi.sensors.kinds import AttitudeSensor, Camera, Sensor
 from curvcasadi.sensors.readings import READINGS, Frames, Mount, in_view

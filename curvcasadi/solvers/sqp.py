@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam.grid import Real
-from curvcasadi.symbolic.expressions import Number
+from curvcasadi.symbolic.expressions import Number, Real
 
 _QUIET: dict[str, dict[str, Any]] = {
     "qrqp": {"print_iter": False, "print_header": False, "print_info": False},

@@ -1,4 +1,4 @@
-"""Generalized forces of a beam, its static residual, and their derivatives.
+"""Elastic and applied forces of a beam, their difference, and its derivatives.
 
 Virtual work on the weights, with the spatial Jacobian [A; B] of `kinematics` in parent axes:
 
@@ -11,59 +11,17 @@ in the number of elements. In equilibrium r(q) = S q − Q(q) = 0, S the stiffne
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import casadi as ca
-import numpy as np
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.beam.section import Section
 from curvcasadi.kinematics import chain
 from curvcasadi.kinematics import jacobian as kinematics
 from curvcasadi.loads.stations import loaded_mesh, station_loads
 from curvcasadi.statics import virtual_work
+from curvcasadi.statics.energy import stiffness_matrix
 from curvcasadi.symbolic.expressions import AnyExpr, expression, same_kind
-
-#: Gauss points per panel beyond the number of basis functions, for bases that are not polynomial.
-_EXTRA_POINTS = 12
-
-
-def strain_energy(beam: Beam, q: AnyExpr) -> AnyExpr:
-    """Strain energy U = ½ L ∫ (K − K_0)ᵀ C (K − K_0) dxi = ½ qᵀ S q, (1, 1), J; for any weights.
-
-    Parameters
-    ----------
-    q : (n, 1) SX, MX, DM or numbers, rad/m
-
-    Raises
-    ------
-    ValueError
-        If the beam has no section.
-    """
-    q = expression("q", q, (beam.basis.n, 1))
-    matrix = stiffness_matrix(beam)
-    same_kind(**{"q": q, "Beam.section and Beam.length": matrix})
-    return q.T @ matrix @ q / 2
-
-
-def stiffness_matrix(beam: Beam) -> AnyExpr:
-    """Stiffness of the weights S = L ∫ Φᵀ C Φ dxi, (n, n), N m³: S q is the generalized moment.
-
-    Gauss points between the breaks of basis and section, independent of the grid: exact for
-    polynomial bases and constant sections.
-    """
-    if not isinstance(beam.section, Section):
-        raise ValueError("Beam.section: expected a Section with stiffness, found None")
-    basis, section = beam.basis, beam.section
-    nodes, weights = np.polynomial.legendre.leggauss(basis.n + _EXTRA_POINTS)
-    total = 0
-    for left, right in pairwise([0.0, *beam.breaks, 1.0]):
-        for node, weight in zip(nodes, weights, strict=True):
-            xi = left + (right - left) * (1 + node) / 2
-            phi = ca.sparsify(ca.DM(basis(xi)))
-            total += weight * (right - left) / 2 * (phi.T @ section.stiffness(xi) @ phi)
-    return beam.length * total
 
 
 def generalized_force(
@@ -74,7 +32,7 @@ def generalized_force(
     Parameters
     ----------
     q : (n, 1) SX, MX, DM or numbers, rad/m
-    loads : of `curvcasadi.loads.stations`; magnitudes may be symbols
+    loads : of `curvcasadi.loads.kinds`; magnitudes may be symbols
     attitude : (3, 3), parent to inertial axes, for dead loads and gravity; None if these agree
     """
     q = expression("q", q, (beam.basis.n, 1))
@@ -111,12 +69,24 @@ def root_wrench(
 
 
 class Balance(NamedTuple):
-    """A loaded beam: what is left of its equilibrium, and what it hands on to its root."""
+    """A loaded beam: its elastic and applied forces, and what it hands on to its root."""
 
-    residual: AnyExpr  #: S q − Q (n, 1), N m²
+    elastic: AnyExpr  #: S q (n, 1), N m²
+    applied: AnyExpr  #: Q (n, 1), N m²
     wrench: AnyExpr  #: `root_wrench`, (6, 1)
-    residual_slope: AnyExpr = None  #: dr/dq (n, n)
+    stiffness: AnyExpr  #: S (n, n)
+    applied_slope: AnyExpr = None  #: dQ/dq (n, n)
     wrench_slope: AnyExpr = None  #: dW/dq (6, n)
+
+    @property
+    def residual(self) -> AnyExpr:
+        """S q − Q (n, 1), N m²: zero in equilibrium."""
+        return self.elastic - self.applied
+
+    @property
+    def residual_slope(self) -> AnyExpr:
+        """dr/dq (n, n)."""
+        return self.stiffness - self.applied_slope
 
 
 def balance(
@@ -127,14 +97,18 @@ def balance(
     *,
     tangent: bool = False,
 ) -> Balance:
-    """Residual and root wrench by the same passes, with `tangent` also their derivatives."""
+    """Forces and root wrench by the same passes, with `tangent` also their derivatives."""
     q = expression("q", q, (beam.basis.n, 1))
     stiffness = stiffness_matrix(beam)
     passed = _passes(beam, q, loads, attitude, tangent=tangent)
-    residual = stiffness @ q - passed.force
-    if not tangent:
-        return Balance(residual, passed.wrench)
-    return Balance(residual, passed.wrench, stiffness - passed.force_slope, passed.wrench_slope)
+    return Balance(
+        elastic=stiffness @ q,
+        applied=passed.force,
+        wrench=passed.wrench,
+        stiffness=stiffness,
+        applied_slope=passed.force_slope,
+        wrench_slope=passed.wrench_slope,
+    )
 
 
 def parameter_slopes(

@@ -12,7 +12,7 @@ import numpy as np
 from curvcasadi.beam.beam import Beam, numeric_length
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.kinematics.shape import Shape, shape_map
-from curvcasadi.statics.balance import equilibrium_tangent
+from curvcasadi.statics.balance import balance
 from curvcasadi.symbolic.expressions import AnyExpr, Array, expression
 from curvcasadi.symbolic.functions import free_symbols
 
@@ -86,10 +86,9 @@ def solve_equilibrium(
 def _loaded_function(beam: Beam, loads: Sequence[Any], attitude: AnyExpr | None) -> ca.Function:
     """(q, load factor) -> elastic forces S q, applied forces Q, tangent, all numeric otherwise."""
     q, factor = ca.MX.sym("q", beam.basis.n), ca.MX.sym("load_factor")
-    unloaded, stiffness = equilibrium_tangent(beam, q, [])
-    residual, tangent = equilibrium_tangent(beam, q, loads, attitude)
-    applied, applied_slope = unloaded - residual, stiffness - tangent
-    outputs = [unloaded, factor * applied, stiffness - factor * applied_slope]
+    forces = balance(beam, q, loads, attitude, tangent=True)
+    tangent = forces.stiffness - factor * forces.applied_slope
+    outputs = [forces.elastic, factor * forces.applied, tangent]
     missing = [name for output in outputs for name in free_symbols(output, [q, factor])]
     if missing:
         raise ValueError(

@@ -14,8 +14,8 @@ from curvcasadi.statics.balance import (
     equilibrium_residual,
     equilibrium_tangent,
     parameter_slopes,
-    stiffness_matrix,
 )
+from curvcasadi.statics.energy import stiffness_matrix
 from curvcasadi.symbolic.expressions import AnyExpr, function_name
 from curvcasadi.symbolic.functions import free_symbols
 

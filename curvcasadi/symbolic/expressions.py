@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -15,6 +15,8 @@ AnyExpr: TypeAlias = Any
 #: A physical quantity in a field of a frozen description: a number, an array or a symbol.
 Number: TypeAlias = Any
 Array: TypeAlias = NDArray[np.float64]
+#: Arithmetic of generated code.
+Real = Literal["double", "float"]
 
 _SYMBOLIC = (ca.SX, ca.MX)
 

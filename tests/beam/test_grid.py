@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from scipy.special import eval_legendre, roots_jacobi
 
 import curvcasadi as cc
-from curvcasadi.beam.grid import lobatto_points
+from curvcasadi.beam.quadrature import lobatto_points
 
 
 def test_uniform_grid_has_equal_elements():

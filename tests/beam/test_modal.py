@@ -13,8 +13,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from curvcasadi.beam.basis import VectorBasis
-from curvcasadi.files.modes import COLUMNS, Modes, load_modes, modal_basis, round_trip_error
-from curvcasadi.loads.stations import PointForce
+from curvcasadi.beam.modal import Modes, round_trip_error
+from curvcasadi.files.modes import COLUMNS, load_modes, modal_basis
+from curvcasadi.loads.kinds import PointForce
 from curvcasadi.reference_wings import hale_wing
 from curvcasadi.statics.equilibrium import solve_equilibrium
 

@@ -12,9 +12,9 @@ from scipy.optimize import brentq
 from curvcasadi.cli.main import main
 from curvcasadi.kinematics.shape import pose_at, shape_map
 from curvcasadi.lie import so3
-from curvcasadi.loads.stations import Gravity
+from curvcasadi.loads.kinds import Gravity
 from curvcasadi.reference_wings import hale_wing
-from curvcasadi.statics.balance import strain_energy
+from curvcasadi.statics.energy import strain_energy
 from curvcasadi.statics.equilibrium import solve_equilibrium
 
 HALE_WING = str(Path(__file__).parents[2] / "ocp_examples" / "hale_wing.toml")

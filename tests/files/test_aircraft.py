@@ -11,7 +11,7 @@ from curvcasadi.aircraft.trim import trim
 from curvcasadi.beam.section import Steps
 from curvcasadi.files import load_beam
 from curvcasadi.files.aircraft import load_aircraft
-from curvcasadi.loads.stations import PointForce
+from curvcasadi.loads.kinds import PointForce
 
 EXAMPLES = Path(__file__).parents[2] / "ocp_examples"
 HALE_AIRCRAFT = EXAMPLES / "hale_aircraft.toml"

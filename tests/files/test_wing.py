@@ -30,7 +30,7 @@ from curvcasadi.files import (
 )
 from curvcasadi.kinematics.history import shape_history
 from curvcasadi.kinematics.shape import shape_map
-from curvcasadi.loads.stations import (
+from curvcasadi.loads.kinds import (
     DistributedForce,
     DistributedMoment,
     Gravity,

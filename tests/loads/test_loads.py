@@ -12,7 +12,7 @@ from numpy.polynomial import legendre
 from numpy.testing import assert_allclose
 
 import curvcasadi as cc
-from curvcasadi.statics.balance import loaded_mesh
+from curvcasadi.loads.stations import loaded_mesh
 from tests.support.oracle import CURLED_WEIGHTS, WING_LENGTH, curled_curvature, integrate, rotation
 
 #: So soft that the tangent is the derivative of the loads alone.

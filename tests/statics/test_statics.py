@@ -14,7 +14,8 @@ from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
 import curvcasadi as cc
-from curvcasadi.statics.balance import balance, parameter_slopes, root_wrench, stiffness_matrix
+from curvcasadi.statics.balance import balance, parameter_slopes, root_wrench
+from curvcasadi.statics.energy import stiffness_matrix
 from tests.support.oracle import CURLED_WEIGHTS, curled_curvature, rotation
 
 SECTION = cc.Section(GJ=1e4, EI_y=2e4, EI_z=4e6)

@@ -24,10 +24,10 @@ from curvcasadi.estimation.process import (
 from curvcasadi.estimation.samples import numeric_array
 from curvcasadi.estimation.sensor_model import check_numeric
 from curvcasadi.estimation.words import ekf_words
+from curvcasadi.kinematics.root_motion import numeric_root, root_input_names
 from curvcasadi.sensors import Channels, RateGyro, RootMotion, Sensor, sensor_channels
 from curvcasadi.sensors.channels import checked_sensors
 from curvcasadi.sensors.kinds import positive_numbers
-from curvcasadi.sensors.root_motion import numeric_root, root_input_names
 from curvcasadi.symbolic.expressions import (
     Array,
     Number,

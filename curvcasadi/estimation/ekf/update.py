@@ -9,9 +9,9 @@ from curvcasadi.estimation import ud
 from curvcasadi.estimation.ekf.readings import Observation, Readings
 from curvcasadi.estimation.process import DEGREE, Process, orthonormal
 from curvcasadi.estimation.samples import attitudes_function
+from curvcasadi.kinematics.root_motion import ROOT_INPUTS
 from curvcasadi.lie import so3
 from curvcasadi.sensors import AttitudeSensor
-from curvcasadi.sensors.root_motion import ROOT_INPUTS
 from curvcasadi.symbolic.expressions import AnyExpr
 
 

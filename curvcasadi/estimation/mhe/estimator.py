@@ -18,9 +18,9 @@ from curvcasadi.estimation.process import PROCESSES, Process, ProcessName
 from curvcasadi.estimation.samples import numeric_array
 from curvcasadi.estimation.sensor_model import check_numeric
 from curvcasadi.estimation.words import mhe_words
+from curvcasadi.kinematics.root_motion import root_input_names
 from curvcasadi.sensors import Channels, RootMotion, Sensor
 from curvcasadi.sensors.channels import checked_sensors
-from curvcasadi.sensors.root_motion import root_input_names
 from curvcasadi.symbolic.expressions import (
     Array,
     Number,

@@ -9,8 +9,8 @@ import casadi as ca
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.estimation.samples import or_zero
+from curvcasadi.kinematics.root_motion import ROOT_INPUTS
 from curvcasadi.sensors import Camera, RootMotion, Sensor, measurement_function, sensor_channels
-from curvcasadi.sensors.root_motion import ROOT_INPUTS
 from curvcasadi.symbolic.layout import Layout
 
 

@@ -16,7 +16,7 @@ from curvcasadi.estimation.samples import (
     sample_values,
     sequence,
 )
-from curvcasadi.sensors.root_motion import ROOT_INPUTS
+from curvcasadi.kinematics.root_motion import ROOT_INPUTS
 from curvcasadi.symbolic.expressions import Array, instance
 
 

@@ -9,10 +9,9 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam.grid import Real
 from curvcasadi.estimation.mhe.window import WindowProblem
 from curvcasadi.solvers.sqp import SHOOTING, Bounds, GaussNewton, gauss_newton_sqp
-from curvcasadi.symbolic.expressions import Array
+from curvcasadi.symbolic.expressions import Array, Real
 
 #: Error of an estimate that is called solved, in standard deviations of what is known before.
 #: In single precision the rounding of residuals alone leaves some 0.1 of the bound.

@@ -13,8 +13,8 @@ from curvcasadi.beam.beam import Beam
 from curvcasadi.estimation.mhe.residual import sample_residual
 from curvcasadi.estimation.process import Process
 from curvcasadi.estimation.samples import samples_function
+from curvcasadi.kinematics.root_motion import ROOT_INPUTS
 from curvcasadi.sensors import Channels, RootMotion, Sensor, sensor_channels
-from curvcasadi.sensors.root_motion import ROOT_INPUTS
 from curvcasadi.symbolic.expressions import Array
 from curvcasadi.symbolic.layout import Layout
 

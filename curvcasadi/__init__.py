@@ -44,14 +44,14 @@ from curvcasadi.aero import (
     mirror_aero,
     strip_forces,
 )
-from curvcasadi.aircraft.balance import (
+from curvcasadi.aircraft.balance import aircraft_wrench
+from curvcasadi.aircraft.parts import (
     Aircraft,
     Flight,
     LiftingSurface,
     RigidBody,
     Thrust,
     Wing,
-    aircraft_wrench,
     mirror_wing,
 )
 from curvcasadi.aircraft.trim import trim, trim_sweep
@@ -79,7 +79,8 @@ from curvcasadi.beam import (
     mirror,
 )
 from curvcasadi.control.integrators import rk4_step
-from curvcasadi.control.kinematic_model import ControlModel, kinematic_model
+from curvcasadi.control.kinematic_model import kinematic_model
+from curvcasadi.control.model import ControlModel
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf, shape_ekf
 from curvcasadi.estimation.ekf.run import run_ekf

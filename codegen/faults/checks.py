@@ -21,7 +21,7 @@ from scipy.optimize import nnls
 import curvcasadi as cc
 from codegen import benchmark_functions as benchmark
 from curvcasadi.lie import so3
-from curvcasadi.ocp.targets import regularizer_matrix
+from curvcasadi.ocp.limits import regularizer_matrix
 
 Arrays = dict[str, Any]
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from tqdm import tqdm
 
-from curvcasadi.aircraft.balance import Aircraft
+from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.aircraft.trim_problem import Hessian, Objective
 from curvcasadi.aircraft.trim_result import TrimResult
 from curvcasadi.aircraft.trim_solver import Case, TrimSolver

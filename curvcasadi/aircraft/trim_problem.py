@@ -10,7 +10,8 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.aero import Flow
-from curvcasadi.aircraft.balance import Aircraft, Flight, Wing, rigid_wrenches, wing_function
+from curvcasadi.aircraft.balance import rigid_wrenches, wing_function
+from curvcasadi.aircraft.parts import Aircraft, Flight, Wing
 from curvcasadi.beam.beam import numeric_length
 from curvcasadi.kinematics.pose_function import tip_function
 from curvcasadi.lie import so3

@@ -13,6 +13,7 @@ from curvcasadi.aircraft.trim_problem import BALANCES, LATERAL, TOLERANCE, TrimP
 from curvcasadi.beam.beam import Beam
 from curvcasadi.kinematics.shape import Shape, curvature, poses, shape_map
 from curvcasadi.symbolic.expressions import Array
+from curvcasadi.symbolic.text import table
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,12 +61,7 @@ def trim_table(results: Sequence[TrimResult]) -> str:
         row["drag [N]"] = f"{result.drag:.3f}"
         row["trimmed"] = "yes" if result.trimmed else "no"
         rows.append(row)
-    if not rows:
-        return ""
-    widths = {key: max(len(key), *(len(row[key]) for row in rows)) for key in rows[0]}
-    lines = ["  ".join(key.rjust(width) for key, width in widths.items())]
-    lines += ["  ".join(row[key].rjust(width) for key, width in widths.items()) for row in rows]
-    return "\n".join(lines)
+    return table(rows)
 
 
 def wing_shape(beam: Beam, q: ca.DM, trimmed: bool) -> Shape:

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.aero import AerodynamicLoad, Flow, StripForces, strip_forces
-from curvcasadi.aircraft.balance import Aircraft
+from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.aircraft.trim_problem import (
     ANGLES,
     BALANCES,

@@ -19,7 +19,8 @@ from curvcasadi.kinematics.shape import pose_at, shape_map
 from curvcasadi.ocp.reach import reach_shape
 from curvcasadi.ocp.shape_target import shape_target_function
 from curvcasadi.ocp.targets import Target
-from curvcasadi.plotting.shape import plot_shape, save_figure
+from curvcasadi.plotting.figures import save_figure
+from curvcasadi.plotting.shape import plot_shape
 from curvcasadi.reference_wings import hale_wing
 from curvcasadi.symbolic.expressions import Array
 

@@ -67,9 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.out:
         write_shape(arguments.out, shape_history(beam, found.q.full().T))
     if arguments.plot:
-        from curvcasadi.plotting import (
-            shape as plotting,  # matplotlib takes longer to load than a shape to compute
-        )
+        from curvcasadi import plotting  # matplotlib takes longer to load than a shape to compute
 
         figure = plotting.plot_shape(beam, found.q, both=not arguments.half)
         plotting.save_figure(figure, arguments.plot)

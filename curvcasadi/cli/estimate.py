@@ -311,14 +311,11 @@ def _attitudes(wing: EstimationFile) -> list[slice]:
 
 
 def _plot(path: Path, beam: Beam, series: dict[str, Array]) -> None:
-    from curvcasadi.plotting import (
-        shape as plotting,  # matplotlib takes longer to load than a short log
-    )
-    from curvcasadi.plotting.estimate import plot_estimate
+    from curvcasadi import plotting  # matplotlib takes longer to load than a short log
 
     tip = {f"${axis}$": f"tip_{axis}" for axis in "xyz"}
     weights: dict[str, dict[str, str]] = {}
     for k, label in enumerate(beam.basis.labels):
         channel = next((c for c in CHANNELS if label.startswith(c)), "weights")
         weights.setdefault(channel.replace("_", "-"), {})[f"$q_{{{k}}}$"] = f"q{k}"
-    plotting.save_figure(plot_estimate(series, tip, weights), path)
+    plotting.save_figure(plotting.plot_estimate(series, tip, weights), path)

@@ -1,4 +1,4 @@
-"""Command line: `curvcasadi shape wing.toml --weights ... --plot out.png`, and others."""
+"""The command line: its parser and exit codes."""
 
 from __future__ import annotations
 
@@ -7,37 +7,12 @@ import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
-import casadi as ca
-import numpy as np
-
-from curvcasadi.beam.beam import Beam
 from curvcasadi.cli import equilibrium as equilibrium_command
 from curvcasadi.cli import estimate as estimate_command
+from curvcasadi.cli import shape as shape_command
 from curvcasadi.cli import trim as trim_command
 from curvcasadi.errors import ConvergenceError
-from curvcasadi.files import load_beam, load_weights, write_shape
-from curvcasadi.kinematics.history import ShapeHistory, shape_history
-from curvcasadi.lie import so3
-from curvcasadi.symbolic.expressions import Array
-
-SHAPE_HELP = """\
-The shape of the beam of a wing file: its tip on the screen, positions and attitudes, figures.
-
-weights (rad/m, in the order of the basis: torsion, out_of_plane, in_plane):
-  --weights "0.01,0,0,-0.05,..."   constant; --weights=-0.1,0 where the first is negative
-  --weights history.csv            a line for each sample; the first line names the columns
-                                   q0, q1, ... and optionally time (s, increasing)
-Without --weights all are zero.
-
-outputs:
-  --out p.csv     a line for each sample and station: time, xi, p_x, p_y, p_z (m, parent axes) and
-                  D_11 ... D_33, the deformation map (parent to local axes) row by row
-  --out p.npz     arrays time (T,), xi (M,), p (T, 3, M), D (T, M, 3, 3) and q (T, n)
-Both are of the beam in the file only; figures draw its mirror image, too (not with --half).
-Samples without a time are numbered 0, 1, 2, ...
-"""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -71,25 +46,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(title="commands", required=True)
 
-    shape = commands.add_parser(
-        "shape",
-        help="shape of a wing for constant or time-varying weights",
-        description=SHAPE_HELP,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    shape.add_argument("wing", type=Path, metavar="WING.toml", help="wing file")
-    shape.add_argument("--weights", metavar="NUMBERS|FILE.csv", help="constant or time-varying")
-    shape.add_argument("--out", type=Path, metavar="FILE.csv|FILE.npz", help="p and D")
-    shape.add_argument(
-        "--plot", type=Path, metavar="FILE.png", help="deformed wing; of a history, the last sample"
-    )
-    shape.add_argument(
-        "--animate", type=Path, metavar="FILE.gif|FILE.mp4", help="animation of a history"
-    )
-    shape.add_argument("--basis-plot", type=Path, metavar="FILE.png", help="basis functions")
-    shape.add_argument("--half", action="store_true", help="figures without the mirror image")
-    shape.set_defaults(run=_shape)
-
+    shape_command.add_parser(commands)
     equilibrium_command.add_parser(commands)
     trim_command.add_parser(commands)
     estimate_command.add_parser(commands)
@@ -116,97 +73,6 @@ def _demo(arguments: argparse.Namespace) -> int:
 
     code: int = run(arguments.out)
     return code
-
-
-class _Weights(NamedTuple):
-    values: Array  #: (T, n), rad/m
-    times: Array | None  #: (T,), s
-    names: list[str]  #: what errors call each row
-    is_history: bool
-
-
-def _weights(argument: str | None, beam: Beam) -> _Weights:
-    n = beam.basis.n
-    if argument is None:
-        return _Weights(np.zeros((1, n)), None, ["weights"], False)
-    if argument.lower().endswith(".csv"):
-        times, values = load_weights(argument, n, beam.basis.labels)
-        names = [f"{argument}: line {k}: q" for k in range(2, len(values) + 2)]
-        return _Weights(values, times, names, True)
-    values = np.array([[_number(text) for text in argument.split(",")]])
-    if values.shape[1] != n:
-        labels = ", ".join(beam.basis.labels)
-        raise ValueError(f"--weights: expected {n} numbers ({labels}), found {values.shape[1]}")
-    return _Weights(values, None, ["--weights"], False)
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(
-            f"--weights: expected numbers separated by commas, or a file name that ends in .csv; "
-            f"found {text!r}"
-        ) from None
-
-
-def _shape(arguments: argparse.Namespace) -> int:
-    beam = load_beam(arguments.wing)
-    weights = _weights(arguments.weights, beam)
-    if arguments.animate and not weights.is_history:
-        raise ValueError("--animate: expected --weights FILE.csv, found constant weights")
-    history = shape_history(
-        beam, weights.values, weights.times, names=weights.names, progress=weights.is_history
-    )
-    print(_table(beam, history))
-    if arguments.out:
-        write_shape(arguments.out, history)
-    _figures(arguments, beam, weights)
-    for path in (arguments.out, arguments.basis_plot, arguments.plot, arguments.animate):
-        if path:
-            print(f"wrote {path}")
-    return 0
-
-
-def _figures(arguments: argparse.Namespace, beam: Beam, weights: _Weights) -> None:
-    if not (arguments.plot or arguments.basis_plot or arguments.animate):
-        return
-    from curvcasadi.plotting import (
-        shape as plotting,  # matplotlib takes longer to load than a shape to compute
-    )
-
-    both = not arguments.half
-    if arguments.basis_plot:
-        plotting.save_figure(plotting.plot_basis(beam.basis), arguments.basis_plot)
-    if arguments.plot:
-        figure = plotting.plot_shape(beam, weights.values[-1], both=both)
-        plotting.save_figure(figure, arguments.plot)
-    if arguments.animate:
-        plotting.animate_shape(beam, weights.times, weights.values, arguments.animate, both=both)
-
-
-def _table(beam: Beam, history: ShapeHistory) -> str:
-    """Tip and largest element angle of the first and last sample and of the most bent one."""
-    largest = history.element_angles.max(axis=1)
-    rows = sorted({0, int(largest.argmax()), len(history.times) - 1})
-    lines = [
-        "tip position in parent axes, m; tip rotation against the root, rotation vector in root "
-        "axes, deg;",
-        "largest angle that one element turns, deg",
-        f"{'time':>9} {'p_x':>10} {'p_y':>10} {'p_z':>10}"
-        f" {'r_x':>9} {'r_y':>9} {'r_z':>9} {'angle':>8}",
-    ]
-    for k in rows:
-        position = history.positions[k, :, -1]
-        rotation = ca.DM(beam.root.rotation.T @ history.deformation_maps[k, -1].T)
-        turn = np.degrees(so3.log(rotation).full().ravel())
-        lines.append(
-            f"{history.times[k]:9.3f} "
-            + " ".join(f"{value:10.4f}" for value in position + 0.0)
-            + "".join(f" {value:9.3f}" for value in turn + 0.0)
-            + f" {np.degrees(largest[k]):8.3f}"
-        )
-    return "\n".join(lines)
 
 
 if __name__ == "__main__":

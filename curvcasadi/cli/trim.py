@@ -11,14 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from curvcasadi.aircraft.balance import Aircraft, Wing
+from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.aircraft.trim import STANDARD_GRAVITY, trim_sweep
 from curvcasadi.aircraft.trim_problem import OBJECTIVES
 from curvcasadi.aircraft.trim_result import TrimResult
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.files.aircraft import load_aircraft, load_density
-from curvcasadi.kinematics.shape import poses
-from curvcasadi.symbolic.expressions import Array
+from curvcasadi.symbolic.text import table
 
 HELP = """\
 Level flight of the aircraft of an aircraft file: the angle of attack, the pitch angle, the inputs
@@ -39,10 +38,6 @@ outputs:
 exit codes: 0; 2 after an error in the input; 3 if a speed cannot be trimmed: the message has what
 does not balance, by how much, and which bounds hold.
 """
-
-#: Colours of the first speed of a sweep and of the last, red, green and blue.
-SLOWEST, FASTEST = (0.10, 0.25, 0.65), (0.90, 0.45, 0.05)
-LARGEST_LEGEND = 7
 
 
 def add_parser(commands: Any) -> None:
@@ -170,8 +165,7 @@ def _flight_table(results: Sequence[TrimResult]) -> str:
         row["held by"] = "; ".join(result.active_bounds) or "-"
         rows.append(row)
     return (
-        "angles and inputs; largest force and moment that do not balance, body axes\n"
-        f"{_columns(rows)}"
+        f"angles and inputs; largest force and moment that do not balance, body axes\n{table(rows)}"
     )
 
 
@@ -192,15 +186,7 @@ def _wing_table(results: Sequence[TrimResult]) -> str:
     return (
         "tips above the roots, along -z of the body; moments on the body at the roots, root axes:\n"
         "torsion, out-of-plane and in-plane bending\n"
-        f"{_columns(rows)}"
-    )
-
-
-def _columns(rows: Sequence[dict[str, str]]) -> str:
-    widths = {key: max(len(key), *(len(row[key]) for row in rows)) for key in rows[0]}
-    lines = [dict(zip(widths, widths, strict=True)), *rows]
-    return "\n".join(
-        "  ".join(line[key].rjust(width) for key, width in widths.items()) for line in lines
+        f"{table(rows)}"
     )
 
 
@@ -219,12 +205,10 @@ def _write(
             writer.writeheader()
             writer.writerows(records)
     if arguments.plot:
-        from curvcasadi.plotting import (
-            shape as plotting,  # matplotlib takes longer to load than a trim to compute
-        )
+        from curvcasadi import plotting  # matplotlib takes longer to load than a trim to compute
 
         trimmed = [result for result in results if result.trimmed]
-        plotting.save_figure(plot_trim(aircraft, trimmed), arguments.plot)
+        plotting.save_figure(plotting.plot_trim(aircraft, trimmed), arguments.plot)
     for path in (arguments.out, arguments.plot):
         if path:
             print(f"wrote {path}")
@@ -246,55 +230,3 @@ def _record(result: TrimResult) -> dict[str, Any]:
         record[f"{wing}_residual"] = result.equilibrium_residuals[wing]
         record |= {f"{wing}_q{k}": float(weight) for k, weight in enumerate(q.full().ravel())}
     return record
-
-
-def plot_trim(aircraft: Aircraft, results: Sequence[TrimResult]) -> Any:
-    """Figure of trimmed wings from behind, and of the lift along their span; one or more speeds."""
-    from curvcasadi.plotting import shape as plotting
-
-    figure = plotting.Figure(figsize=(7.5, 6.4), layout="constrained")
-    front, lift = figure.subplots(2, 1, sharex=True)
-    shown = set(np.linspace(0, len(results) - 1, LARGEST_LEGEND).round().astype(int).tolist())
-    for wing in aircraft.beams:
-        y, height = _front(wing, np.zeros(wing.beam.basis.n), plotting.CURVE_STATIONS)
-        first = wing is aircraft.beams[0]
-        label = "undeformed" if first else None
-        front.plot(y, height, "--", color=plotting.UNDEFORMED_COLOR, label=label)
-        for k, result in enumerate(results):
-            color = _mixed(k / max(len(results) - 1, 1))
-            label = f"{result.speed:.4g} m/s" if first and k in shown else None
-            y, height = _front(wing, result.q[wing.name], plotting.CURVE_STATIONS)
-            front.plot(y, height, color=color, label=label)
-            airload = result.airloads[wing.name]
-            y, _ = _front(wing, result.q[wing.name], airload.xi)
-            lift.plot(y, np.asarray(airload.lift).ravel(), color=color)
-    front.set(ylabel="height $-z$ [m]", title="from behind, body axes")
-    front.set_aspect("equal", adjustable="datalim")
-    lift.set(xlabel="$y$, to the right [m]", ylabel="lift per length [N/m]")
-    lift.set_title("lift in the section plane, normal to the local velocity")
-    lift.axhline(0, color="0.6", linewidth=0.8)
-    for axes in (front, lift):
-        axes.grid(color="0.9")
-        axes.title.set_fontsize("medium")
-    figure.legend(
-        loc="outside lower center",
-        ncols=LARGEST_LEGEND + 1,
-        fontsize="small",
-        handlelength=1.7,
-        columnspacing=1.2,
-        frameon=False,
-    )
-    return figure
-
-
-def _front(wing: Wing, q: Any, stations: Array) -> tuple[Array, Array]:
-    """y and −z of the deformed reference curve, m, body axes."""
-    different = np.unique(stations)
-    found = poses(wing.beam, np.asarray(q), different.tolist())
-    at = np.searchsorted(different, stations)
-    positions = np.hstack([np.asarray(pose.position) for pose in found])[:, at]
-    return positions[1], -positions[2]
-
-
-def _mixed(part: float) -> tuple[float, ...]:
-    return tuple((1 - part) * a + part * b for a, b in zip(SLOWEST, FASTEST, strict=True))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from curvcasadi.control.kinematic_model import ControlModel
+from curvcasadi.control.model import ControlModel
 from curvcasadi.symbolic.expressions import count, instance, is_numeric, positive
 
 

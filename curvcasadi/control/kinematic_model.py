@@ -1,20 +1,19 @@
-"""Models as a control engineer sees them: state x, input u, parameter p, output y."""
+"""A wing whose weights follow their commands with a first-order lag."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam
+from curvcasadi.control.model import ControlModel
 from curvcasadi.kinematics.pose_function import tip_function
 from curvcasadi.kinematics.resolution import largest_element_angles
 from curvcasadi.kinematics.shape import curvature, squared_element_angles
 from curvcasadi.symbolic.expressions import (
     Number,
-    Real,
     expression,
     instance,
     is_numeric,
@@ -25,23 +24,6 @@ from curvcasadi.symbolic.layout import Layout, Part
 
 #: Stations of the curvatures among the outputs, unless others are asked for.
 CURVATURE_STATIONS = (0.0, 0.25, 0.5, 0.75, 1.0)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ControlModel:
-    """dx/dt = xdot(x, u, p), y = output(x, u, p), in SI units; bounds stand in the layouts."""
-
-    name: str
-    x: Layout
-    u: Layout
-    p: Layout
-    y: Layout
-    xdot: ca.Function  #: (x, u, p) -> xdot
-    output: ca.Function  #: (x, u, p) -> y
-    real: Real = "double"  #: arithmetic that it is made for, as in `Grid`
-    #: (x) -> squared angles of elements over what they may turn, of those that the bounds of x do
-    #: not keep from it
-    angles: ca.Function | None = None
 
 
 def kinematic_model(

@@ -16,14 +16,7 @@ import numpy as np
 
 from curvcasadi.aero import ControlSurface, ExponentialTipLoss, StripAerodynamics
 from curvcasadi.aero.strip import QUANTITIES, coefficients
-from curvcasadi.aircraft.balance import (
-    Aircraft,
-    LiftingSurface,
-    RigidBody,
-    Thrust,
-    Wing,
-    mirror_wing,
-)
+from curvcasadi.aircraft.parts import Aircraft, LiftingSurface, RigidBody, Thrust, Wing, mirror_wing
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.section import Steps
 from curvcasadi.files import toml_reader as toml

@@ -12,8 +12,9 @@ import numpy as np
 from curvcasadi.beam.beam import Beam
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.kinematics.shape import Shape, shape_map
+from curvcasadi.ocp.limits import Regularizer
 from curvcasadi.ocp.reach_solvers import Hessian, ReachProblem, ReachSolvers, reach_problem
-from curvcasadi.ocp.targets import TOLERANCE, Regularizer, Target, checked_problem
+from curvcasadi.ocp.targets import TOLERANCE, Target, checked_problem
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,

@@ -10,16 +10,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.ocp.targets import (
-    Limits,
-    Regularizer,
-    Residuals,
-    Target,
-    regularizer_matrix,
-    residuals,
-    shape_limits,
-    values_of,
-)
+from curvcasadi.ocp.limits import Limits, Regularizer, regularizer_matrix, shape_limits
+from curvcasadi.ocp.targets import Residuals, Target, residuals, values_of
 from curvcasadi.solvers.sqp import roomy, with_room
 from curvcasadi.symbolic.expressions import Array, Number
 

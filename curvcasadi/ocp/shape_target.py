@@ -8,18 +8,17 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam
+from curvcasadi.ocp.limits import Regularizer, regularizer_matrix, shape_limits
 from curvcasadi.ocp.targets import (
-    Regularizer,
     Residuals,
     Target,
     checked_problem,
-    regularizer_matrix,
     residuals,
     rest_values,
     rotation_defect,
-    shape_limits,
 )
-from curvcasadi.solvers.sqp import TOLERANCES, Bounds, gauss_newton_sqp, larger
+from curvcasadi.solvers.certificate import TOLERANCES, Bounds, larger
+from curvcasadi.solvers.sqp import gauss_newton_sqp
 from curvcasadi.symbolic.expressions import Number, Real, count, function_name, positive
 
 #: (weight of the preference in the objective, the same in the Hessian), stage by stage. From a

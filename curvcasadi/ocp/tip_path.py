@@ -6,10 +6,11 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.control.integrators import rk4_step
-from curvcasadi.control.kinematic_model import ControlModel
+from curvcasadi.control.model import ControlModel
 from curvcasadi.lie import so3
 from curvcasadi.ocp.targets import rotation_defect
-from curvcasadi.solvers.sqp import SHOOTING, TOLERANCES, Bounds, gauss_newton_sqp, larger
+from curvcasadi.solvers.certificate import TOLERANCES, Bounds, larger
+from curvcasadi.solvers.sqp import SHOOTING, gauss_newton_sqp
 from curvcasadi.symbolic.expressions import (
     Array,
     Number,

@@ -1,6 +1,22 @@
-"""Figures and animations."""
+"""Figures and animations.
 
+Figures are plain `matplotlib.figure.Figure`s: `figure.savefig(path)` writes them without a display.
+"""
+
+from curvcasadi.plotting.animation import animate_shape
+from curvcasadi.plotting.basis import plot_basis
+from curvcasadi.plotting.estimate import plot_estimate
+from curvcasadi.plotting.figures import save_figure
 from curvcasadi.plotting.placement import plot_placement
-from curvcasadi.plotting.shape import animate_shape, plot_basis, plot_shape, save_figure
+from curvcasadi.plotting.shape import plot_shape
+from curvcasadi.plotting.trim import plot_trim
 
-__all__ = ["animate_shape", "plot_basis", "plot_placement", "plot_shape", "save_figure"]
+__all__ = [
+    "animate_shape",
+    "plot_basis",
+    "plot_estimate",
+    "plot_placement",
+    "plot_shape",
+    "plot_trim",
+    "save_figure",
+]

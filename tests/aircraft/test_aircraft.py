@@ -11,18 +11,15 @@ from numpy.testing import assert_allclose
 
 import curvcasadi as cc
 from curvcasadi.aero import ControlSurface, Flow, StripAerodynamics
-from curvcasadi.aircraft.balance import (
+from curvcasadi.aircraft.balance import aircraft_wrench, rigid_wrenches, wing_balance, wing_function
+from curvcasadi.aircraft.parts import (
     Aircraft,
     Flight,
     LiftingSurface,
     RigidBody,
     Thrust,
     Wing,
-    aircraft_wrench,
     mirror_wing,
-    rigid_wrenches,
-    wing_balance,
-    wing_function,
 )
 from curvcasadi.reference_wings import RIGHT_WING_ROOT, hale_wing
 

@@ -12,16 +12,15 @@ from scipy.optimize import fsolve
 
 import curvcasadi as cc
 from curvcasadi.aero import ControlSurface, Flow, StripAerodynamics
-from curvcasadi.aircraft.balance import (
+from curvcasadi.aircraft.balance import aircraft_wrench, wing_loads
+from curvcasadi.aircraft.parts import (
     Aircraft,
     Flight,
     LiftingSurface,
     RigidBody,
     Thrust,
     Wing,
-    aircraft_wrench,
     mirror_wing,
-    wing_loads,
 )
 from curvcasadi.aircraft.trim import trim, trim_sweep
 from curvcasadi.aircraft.trim_problem import TipHeight, attitude_matrix

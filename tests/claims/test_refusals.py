@@ -9,7 +9,8 @@ import pytest
 
 import curvcasadi as cc
 from curvcasadi.lie import series
-from curvcasadi.plotting.shape import plot_shape, save_figure
+from curvcasadi.plotting.figures import save_figure
+from curvcasadi.plotting.shape import plot_shape
 from curvcasadi.reference_wings import hale_wing
 
 WING = hale_wing()

@@ -9,8 +9,8 @@ from PIL import Image
 
 from curvcasadi.aircraft.trim import trim
 from curvcasadi.cli.main import main
-from curvcasadi.cli.trim import plot_trim
 from curvcasadi.files.aircraft import load_aircraft
+from curvcasadi.plotting import plot_trim
 
 HALE_AIRCRAFT = str(Path(__file__).parents[2] / "ocp_examples" / "hale_aircraft.toml")
 DENSITY = 0.0889  # kg/m³, at 20 km

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import least_squares, minimize
 
 import curvcasadi as cc
-from curvcasadi.ocp.targets import regularizer_matrix
+from curvcasadi.ocp.limits import regularizer_matrix
 from curvcasadi.reference_wings import hale_wing
 from tests.support import oracle
 

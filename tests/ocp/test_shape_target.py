@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import curvcasadi as cc
-from curvcasadi.ocp.targets import regularizer_matrix
+from curvcasadi.ocp.limits import regularizer_matrix
 from curvcasadi.reference_wings import hale_wing
 from tests.support import oracle
 

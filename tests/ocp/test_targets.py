@@ -10,12 +10,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import curvcasadi as cc
-from curvcasadi.ocp.targets import (
-    regularizer_matrix,
-    residuals,
-    shape_limits,
-    values_of,
-)
+from curvcasadi.ocp.limits import regularizer_matrix, shape_limits
+from curvcasadi.ocp.targets import residuals, values_of
 from curvcasadi.reference_wings import hale_wing
 from tests.support import oracle
 

@@ -10,6 +10,7 @@ import pytest
 from matplotlib.colors import to_rgba
 from PIL import Image
 
+from curvcasadi import plotting
 from curvcasadi.beam.basis import ChannelBasis, VectorBasis
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.families import BSpline, Legendre, PiecewiseConstant
@@ -17,7 +18,7 @@ from curvcasadi.beam.grid import Grid
 from curvcasadi.beam.mirror import mirror
 from curvcasadi.beam.pose import Pose
 from curvcasadi.kinematics.shape import shape_map
-from curvcasadi.plotting import shape as plotting
+from curvcasadi.plotting import animation, scene
 from curvcasadi.reference_wings import hale_wing
 
 WING = hale_wing()
@@ -165,7 +166,7 @@ class TestShape:
         assert len(found) < len(WING.stations)
         gaps = np.linalg.norm(np.diff(found[:, 0], axis=0), axis=1)
         # Chords are a little shorter than the arcs that they span.
-        assert np.all(gaps > 0.98 * plotting.GAP * WING.length)
+        assert np.all(gaps > 0.98 * scene.GAP * WING.length)
 
     def test_weights_that_break_a_bound_are_refused(self):
         with pytest.raises(ValueError, match=r"q\[0\] \(torsion: Legendre 0\): expected within"):
@@ -194,12 +195,12 @@ class TestAnimation:
         assert capsys.readouterr().err == ""
 
     def test_dense_samples_are_thinned_to_the_largest_frame_rate(self):
-        samples, rate = plotting._frames(np.linspace(0, 2, 1001))
-        assert rate == plotting.LARGEST_FRAME_RATE
+        samples, rate = animation._frames(np.linspace(0, 2, 1001))
+        assert rate == animation.LARGEST_FRAME_RATE
         assert samples == list(range(0, 1001, 20))  # 2 s at 25 frames a second: every 0.04 s
 
     def test_uneven_samples_are_held_until_the_next_is_nearer(self):
-        samples, rate = plotting._frames(np.array([0.0, 3.0, 4.0, 5.0]))
+        samples, rate = animation._frames(np.array([0.0, 3.0, 4.0, 5.0]))
         assert rate == pytest.approx(3 / 5)
         assert samples == [0, 1, 1, 3]  # frames at 0, 5/3, 10/3 and 5 s
 

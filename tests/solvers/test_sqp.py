@@ -10,7 +10,8 @@ import pytest
 
 import curvcasadi as cc
 from curvcasadi.reference_wings import hale_wing
-from curvcasadi.solvers.sqp import TOLERANCES, Bounds, gauss_newton_sqp, larger
+from curvcasadi.solvers.certificate import TOLERANCES, Bounds, larger
+from curvcasadi.solvers.sqp import gauss_newton_sqp
 
 WING = hale_wing()
 TIP = cc.Target(xi=1.0, position=[0, 14, -5], weight=1.0)

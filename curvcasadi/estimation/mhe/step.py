@@ -10,7 +10,7 @@ from curvcasadi.estimation.mhe.solver import window_solver
 from curvcasadi.estimation.mhe.window import WindowProblem
 from curvcasadi.estimation.process import predict_function
 from curvcasadi.estimation.samples import samples_function
-from curvcasadi.solvers.sqp import TOLERANCES
+from curvcasadi.solvers.certificate import TOLERANCES
 
 
 def arrival_function(problem: WindowProblem) -> ca.Function:

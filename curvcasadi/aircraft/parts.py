@@ -1,0 +1,168 @@
+"""A flexible aircraft: a rigid body with flexible wings, rigid lifting surfaces and thrust.
+
+Positions are in body axes (x forward, y right, z down); the parent frame of every wing is the body.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from curvcasadi.aero import Flow, StripAerodynamics, mirror_aero
+from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.mirror import mirror
+from curvcasadi.beam.pose import Pose
+from curvcasadi.beam.section import symmetric
+from curvcasadi.loads.kinds import Gravity
+from curvcasadi.symbolic.expressions import (
+    AnyExpr,
+    Number,
+    expression,
+    is_numeric,
+    positive,
+    rotation_matrix,
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RigidBody:
+    """What is rigid of the aircraft, wings and their bodies excluded."""
+
+    mass: Number  #: kg
+    center_of_mass: Number  #: (3,), m, body axes
+    inertia: Number | None = None  #: (3, 3) about the centre of mass, kg m²; steady flight has none
+
+    def __post_init__(self) -> None:
+        positive("RigidBody.mass", self.mass)
+        center = expression("RigidBody.center_of_mass", self.center_of_mass, (3, 1))
+        object.__setattr__(self, "center_of_mass", center)
+        if self.inertia is not None:
+            symmetric("RigidBody.inertia", self.inertia)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Thrust:
+    """A force along a line that is fixed in the body; its magnitude, N, is an input."""
+
+    name: str = "thrust"  #: of the input
+    position: Number = (0.0, 0.0, 0.0)  #: (3,), m, body axes
+    direction: Number = (1.0, 0.0, 0.0)  #: (3,), unit vector, body axes
+
+    def __post_init__(self) -> None:
+        for name in ("position", "direction"):
+            value = expression(f"Thrust.{name}", getattr(self, name), (3, 1))
+            object.__setattr__(self, name, value)
+        if is_numeric(self.direction) and abs(float(ca.norm_2(self.direction)) - 1) > 1e-6:
+            raise ValueError(f"Thrust.direction: expected a unit vector, found {self.direction}")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LiftingSurface:
+    """A rigid lifting surface, such as a tail: one strip of the whole area.
+
+    Local axes as those of a wing: x along the span, y to the leading edge. The airfoil data are
+    taken at xi = 0.5; interference with the wing (downwash) is not modelled.
+    """
+
+    name: str
+    area: Number  #: m²
+    pose: Pose  #: of the point ahead of which the aerodynamic centre lies; body axes
+    strips: StripAerodynamics
+
+    def __post_init__(self) -> None:
+        positive("LiftingSurface.area", self.area)
+        for name, kind in (("pose", Pose), ("strips", StripAerodynamics)):
+            _is(f"LiftingSurface.{name}", getattr(self, name), kind)
+        rotation_matrix("LiftingSurface.pose.rotation", self.pose.rotation)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Wing:
+    """A flexible half wing: a beam whose parent frame is the body, and what acts on it."""
+
+    name: str
+    beam: Beam
+    strips: StripAerodynamics
+    loads: tuple[Any, ...] = ()  #: further loads; weight and airloads are there anyway
+
+    def __post_init__(self) -> None:
+        for name, kind in (("beam", Beam), ("strips", StripAerodynamics)):
+            _is(f"Wing.{name}", getattr(self, name), kind)
+        object.__setattr__(self, "loads", tuple(self.loads))
+        if any(isinstance(load, Gravity) for load in self.loads):
+            raise ValueError("Wing.loads: expected loads beside the weight, found Gravity")
+        if not self.name.isidentifier():
+            raise ValueError(f"Wing.name: expected letters and digits, found {self.name!r}")
+        if self.beam.section is None:
+            raise ValueError(f"Wing {self.name!r}: expected a beam with a section, found None")
+
+
+def mirror_wing(wing: Wing, name: str) -> Wing:
+    """The other half wing: beam and airfoil data mirrored. Further loads are not."""
+    if wing.loads:
+        raise ValueError(f"mirror_wing: expected no further loads, found {len(wing.loads)}")
+    return Wing(name=name, beam=mirror(wing.beam), strips=mirror_aero(wing.strips))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Aircraft:
+    """A rigid body, flexible wings, rigid lifting surfaces and thrusts."""
+
+    body: RigidBody
+    beams: tuple[Wing, ...]
+    surfaces: tuple[LiftingSurface, ...] = ()
+    thrusts: tuple[Thrust, ...] = ()
+
+    def __post_init__(self) -> None:
+        _is("Aircraft.body", self.body, RigidBody)
+        for field, kind in (("beams", Wing), ("surfaces", LiftingSurface), ("thrusts", Thrust)):
+            parts = tuple(getattr(self, field))
+            object.__setattr__(self, field, parts)
+            for i, part in enumerate(parts):
+                _is(f"Aircraft.{field}[{i}]", part, kind)
+            names = [part.name for part in parts]
+            if len(set(names)) < len(names):
+                raise ValueError(f"Aircraft.{field}: expected different names, found {names}")
+        rigid = ["weight", *(s.name for s in self.surfaces), *(t.name for t in self.thrusts)]
+        if len(set(rigid)) < len(rigid):
+            raise ValueError(
+                "Aircraft: expected different names of surfaces and thrusts, and none of them "
+                f"'weight'; found {rigid[1:]}"
+            )
+        for thrust in self.thrusts:
+            if thrust.name in self._deflections:
+                raise ValueError(
+                    f"Aircraft.thrusts: {thrust.name!r} is the name of a control surface, too"
+                )
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        """Names of the inputs and their units: thrusts, then deflections."""
+        units = {thrust.name: "N" for thrust in self.thrusts}
+        return {**units, **{name: "rad" for name in self._deflections}}
+
+    @property
+    def _deflections(self) -> tuple[str, ...]:
+        strips = [wing.strips for wing in self.beams] + [s.strips for s in self.surfaces]
+        return tuple(dict.fromkeys(name for airfoils in strips for name in airfoils.inputs))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Flight:
+    """A state of steady flight. Fields may be symbols."""
+
+    flow: Flow
+    attitude: Number  #: (3, 3), body to inertial axes (north, east, down)
+    gravity: Number  #: m/s², down
+
+    @property
+    def acceleration(self) -> AnyExpr:
+        """Acceleration of gravity (3, 1), m/s², inertial axes."""
+        return ca.vertcat(0, 0, self.gravity)
+
+
+def _is(name: str, value: Any, kind: type) -> None:
+    if not isinstance(value, kind):
+        raise ValueError(f"{name}: expected a {kind.__name__}, found {value!r}")

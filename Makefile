@@ -16,7 +16,7 @@ test: $(VENV)/installed-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/mypy --strict --follow-imports=silent -p curvcasadi.lie -m curvcasadi.beam.basis -m curvcasadi.beam.families -m curvcasadi.beam.grid -m curvcasadi.symbolic.layout
+	$(BIN)/mypy --strict --follow-imports=silent -p curvcasadi.lie -m curvcasadi.beam.basis -m curvcasadi.beam.families -m curvcasadi.beam.grid -m curvcasadi.symbolic.layout -m curvcasadi.symbolic.compiled
 	$(BIN)/pytest -n 2
 
 target-test: $(VENV)/installed-test

@@ -151,6 +151,7 @@ from curvcasadi.statics import (
 from curvcasadi.symbolic import (
     Layout,
     Part,
+    compile_function,
     function,
     jacobian_function,
 )
@@ -223,6 +224,7 @@ __all__ = [
     "body_jacobian",
     "body_jacobian_rate",
     "body_twist",
+    "compile_function",
     "condense_axial",
     "curvature",
     "elements_for",

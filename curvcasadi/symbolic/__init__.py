@@ -1,5 +1,8 @@
-"""CasADi expressions: their types and checks, named Functions, named parts of vectors."""
+"""CasADi expressions and their checks, named and native Functions, named parts of vectors."""
 
+from curvcasadi.symbolic.compiled import (
+    compile_function,
+)
 from curvcasadi.symbolic.functions import (
     function,
     jacobian_function,
@@ -12,6 +15,7 @@ from curvcasadi.symbolic.layout import (
 __all__ = [
     "Layout",
     "Part",
+    "compile_function",
     "function",
     "jacobian_function",
 ]

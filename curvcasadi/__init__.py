@@ -44,19 +44,21 @@ from curvcasadi.aero import (
     mirror_aero,
     strip_forces,
 )
-from curvcasadi.aircraft.balance import aircraft_wrench
-from curvcasadi.aircraft.parts import (
+from curvcasadi.aircraft import (
     Aircraft,
     Flight,
     LiftingSurface,
     RigidBody,
     Thrust,
+    TipHeight,
+    TrimResult,
     Wing,
+    aircraft_wrench,
     mirror_wing,
+    trim,
+    trim_sweep,
+    trim_table,
 )
-from curvcasadi.aircraft.trim import trim, trim_sweep
-from curvcasadi.aircraft.trim_problem import TipHeight
-from curvcasadi.aircraft.trim_result import TrimResult, trim_table
 from curvcasadi.beam import (
     Beam,
     Body,
@@ -78,27 +80,36 @@ from curvcasadi.beam import (
     condense_axial,
     mirror,
 )
-from curvcasadi.control.integrators import rk4_step
-from curvcasadi.control.kinematic_model import kinematic_model
-from curvcasadi.control.model import ControlModel
+from curvcasadi.control import ControlModel, kinematic_model, rk4_step
 from curvcasadi.errors import ConvergenceError
-from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf, shape_ekf
-from curvcasadi.estimation.ekf.run import run_ekf
-from curvcasadi.estimation.fit.fit import fit_shape
-from curvcasadi.estimation.fit.result import ShapeFit
-from curvcasadi.estimation.information import (
+from curvcasadi.estimation import (
+    Estimate,
+    Placement,
     ShapeDeviations,
+    ShapeEkf,
+    ShapeFit,
+    ShapeMhe,
+    WindowEstimate,
+    fit_shape,
     information_matrix,
+    place_sensors,
+    run_ekf,
+    run_mhe,
     shape_deviations,
+    shape_ekf,
+    shape_mhe,
 )
-from curvcasadi.estimation.mhe.estimator import ShapeMhe, WindowEstimate, shape_mhe
-from curvcasadi.estimation.mhe.run import run_mhe
-from curvcasadi.estimation.placement.placement import Placement, place_sensors
 from curvcasadi.export import CFunction, export_c
-from curvcasadi.files import WingFile, load_beam, load_wing
-from curvcasadi.files.aircraft import load_aircraft
-from curvcasadi.files.estimation import EstimationFile, load_estimation
-from curvcasadi.files.modes import load_modes, modal_basis
+from curvcasadi.files import (
+    EstimationFile,
+    WingFile,
+    load_aircraft,
+    load_beam,
+    load_estimation,
+    load_modes,
+    load_wing,
+    modal_basis,
+)
 from curvcasadi.kinematics import (
     Shape,
     body_jacobian,
@@ -119,10 +130,14 @@ from curvcasadi.loads import (
     PointForce,
     PointMoment,
 )
-from curvcasadi.ocp.reach import ShapeResult, reach_shape
-from curvcasadi.ocp.shape_target import shape_target_function
-from curvcasadi.ocp.targets import Target, target_residual_function
-from curvcasadi.ocp.tip_path import tip_path_step_function
+from curvcasadi.ocp import (
+    ShapeResult,
+    Target,
+    reach_shape,
+    shape_target_function,
+    target_residual_function,
+    tip_path_step_function,
+)
 from curvcasadi.sensors import (
     Accelerometer,
     AttitudeSensor,

@@ -1,1 +1,28 @@
 """Shapes from measurements: filters, fits, and where sensors should sit."""
+
+from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf, shape_ekf
+from curvcasadi.estimation.ekf.run import run_ekf
+from curvcasadi.estimation.fit.fit import fit_shape
+from curvcasadi.estimation.fit.result import ShapeFit
+from curvcasadi.estimation.information import ShapeDeviations, information_matrix, shape_deviations
+from curvcasadi.estimation.mhe.estimator import ShapeMhe, WindowEstimate, shape_mhe
+from curvcasadi.estimation.mhe.run import run_mhe
+from curvcasadi.estimation.placement.placement import Placement, place_sensors
+
+__all__ = [
+    "Estimate",
+    "Placement",
+    "ShapeDeviations",
+    "ShapeEkf",
+    "ShapeFit",
+    "ShapeMhe",
+    "WindowEstimate",
+    "fit_shape",
+    "information_matrix",
+    "place_sensors",
+    "run_ekf",
+    "run_mhe",
+    "shape_deviations",
+    "shape_ekf",
+    "shape_mhe",
+]

@@ -1,5 +1,5 @@
 """Lie groups of attitude and pose, in SX, MX and DM alike."""
 
-from curvcasadi.lie import se3, series, so3
+from curvcasadi.lie import quaternion, se3, series, so3
 
-__all__ = ["se3", "series", "so3"]
+__all__ = ["quaternion", "se3", "series", "so3"]

@@ -11,6 +11,7 @@ import curvcasadi as cc
 from benchmarks.contender import batch_weights
 from benchmarks.table import Table, compared
 from benchmarks.timing import seconds
+from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics import chain
 from curvcasadi.kinematics.pose_function import Form
 from curvcasadi.symbolic.expressions import Array
@@ -107,7 +108,7 @@ def tree(beam: cc.Beam, mode: str) -> ca.Function:
 def _product() -> ca.Function:
     """(R, p) (R', p') = (R R', p + R p'), each packed as (vec R, p)."""
     left, right = ca.SX.sym("left", 12), ca.SX.sym("right", 12)
-    (r, p), (r_next, p_next) = chain.unpack_pose(left), chain.unpack_pose(right)
+    (r, p), (r_next, p_next) = unpack_pose(left), unpack_pose(right)
     return ca.Function("product", [left, right], [ca.veccat(r @ r_next, p + r @ p_next)])
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from curvcasadi.aero.strip import StripAerodynamics, coefficients
 from curvcasadi.beam.beam import Beam
-from curvcasadi.kinematics import chain
+from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics.shape import poses
 from curvcasadi.loads.stations import (
     Contributions,
@@ -178,7 +178,7 @@ def strip_forces(
     for site in sites(beam, mesh):
         frame = frames[site.node]
         data = strip_data(load, site.xi, 1.0, to_parent)
-        columns.append(_strip()(ca.veccat(frame.rotation, frame.position), data))
+        columns.append(_strip()(frame.packed, data))
     xi = np.array([site.xi for site in sites(beam, mesh)])
     return StripForces(xi, *(ca.horzcat(*row) for row in zip(*columns, strict=True)))
 
@@ -187,6 +187,6 @@ def strip_forces(
 def _strip() -> ca.Function:
     """(state, data) -> angle of attack, lift, drag, moment."""
     state, data = ca.SX.sym("state", 12), ca.SX.sym("data", 13)
-    strip = _in_section(*chain.unpack_pose(state), data)
+    strip = _in_section(*unpack_pose(state), data)
     outputs = [strip.angle, strip.lift, strip.drag, strip.moment]
     return ca.Function("strip", [state, data], outputs, {"cse": True})

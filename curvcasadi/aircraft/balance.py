@@ -6,7 +6,7 @@ steady flight the wrenches of all parts balance, and every wing is in equilibriu
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -16,6 +16,7 @@ from curvcasadi.aero.airload import strip_data, strip_wrench
 from curvcasadi.aircraft.parts import Aircraft, Flight, Wing
 from curvcasadi.loads.kinds import Gravity
 from curvcasadi.statics.balance import Balance, balance, parameter_slopes
+from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Number,
@@ -100,36 +101,16 @@ def wing_function(
     missing = free_symbols(ca.vertcat(value.residual, value.wrench), [q, y])
     if missing:
         raise ValueError(f"Wing {wing.name!r}: expected numbers, found {', '.join(missing)}")
-    return ca.Function(
-        f"balance_{wing.name}",
-        [q, y],
-        [value.residual, value.wrench],
-        ["q", "y"],
-        ["residual", "wrench"],
-        {
-            "cse": True,
-            "custom_jacobian": _wing_jacobian(wing, flight, loads, q, y),
-            "jac_penalty": 0,
-            "never_inline": True,
-        },
-    )
-
-
-def _wing_jacobian(
-    wing: Wing, flight: Flight, loads: Sequence[Any], q: ca.MX, y: ca.MX
-) -> ca.Function:
     by_q = balance(wing.beam, q, loads, flight.attitude, tangent=True)
     residual_by_y, wrench_by_y = parameter_slopes(wing.beam, q, loads, y, flight.attitude)
-    return ca.Function(
-        f"jac_balance_{wing.name}",
-        [q, y, ca.MX.sym("out_residual", q.shape[0]), ca.MX.sym("out_wrench", 6)],
-        [
-            ca.densify(block)
-            for block in (by_q.residual_slope, residual_by_y, by_q.wrench_slope, wrench_by_y)
-        ],
-        ["q", "y", "out_residual", "out_wrench"],
-        ["jac_residual_q", "jac_residual_y", "jac_wrench_q", "jac_wrench_y"],
-        {"cse": True},
+    return with_jacobian(
+        f"balance_{wing.name}",
+        {"q": q, "y": y},
+        {"residual": value.residual, "wrench": value.wrench},
+        {
+            "residual": ca.horzcat(by_q.residual_slope, residual_by_y),
+            "wrench": ca.horzcat(by_q.wrench_slope, wrench_by_y),
+        },
     )
 
 

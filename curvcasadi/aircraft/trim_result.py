@@ -11,7 +11,7 @@ import numpy as np
 from curvcasadi.aero import StripForces
 from curvcasadi.aircraft.trim_problem import BALANCES, LATERAL, TOLERANCE, TrimProblem
 from curvcasadi.beam.beam import Beam
-from curvcasadi.kinematics.shape import Shape, curvature, poses, shape_map
+from curvcasadi.kinematics.shape import Shape, shape_map, unchecked_shape
 from curvcasadi.symbolic.expressions import Array
 from curvcasadi.symbolic.text import table
 
@@ -66,14 +66,7 @@ def trim_table(results: Sequence[TrimResult]) -> str:
 
 def wing_shape(beam: Beam, q: ca.DM, trimmed: bool) -> Shape:
     """Shape of a wing; of a failed trim without the checks, which would hide the failure."""
-    if trimmed:
-        return shape_map(beam, q)
-    stations = beam.stations
-    return Shape(
-        stations=stations,
-        poses=tuple(poses(beam, q, stations.tolist())),
-        curvatures=ca.horzcat(*(curvature(beam, q, xi) for xi in stations)),
-    )
+    return shape_map(beam, q) if trimmed else unchecked_shape(beam, q)
 
 
 def active_bounds(problem: TrimProblem, x: Array, bounds: tuple[Array, Array]) -> tuple[str, ...]:

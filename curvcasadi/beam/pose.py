@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from curvcasadi.symbolic.expressions import AnyExpr, Number, expression
+from curvcasadi.symbolic.expressions import AnyExpr, Expr, Number, expression
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -20,6 +20,11 @@ class Pose:
         for name, shape in (("rotation", (3, 3)), ("position", (3, 1))):
             value = expression(f"Pose.{name}", getattr(self, name), shape)
             object.__setattr__(self, name, value)
+
+    @property
+    def packed(self) -> AnyExpr:
+        """(vec R, p) (12, 1), as `unpack_pose` reads it."""
+        return ca.veccat(self.rotation, self.position)
 
     @classmethod
     def identity(cls) -> Pose:
@@ -41,3 +46,9 @@ class Pose:
     def inverse(self) -> Pose:
         """The parent frame in the local frame: (Rᵀ, −Rᵀ p)."""
         return Pose(rotation=self.rotation.T, position=-(self.rotation.T @ self.position))
+
+
+def unpack_pose(state: Expr) -> tuple[Expr, Expr]:
+    """(R, p) of a vector that begins with (vec R, p)."""
+    rotation: Expr = ca.reshape(state[:9], 3, 3)
+    return rotation, state[9:12]

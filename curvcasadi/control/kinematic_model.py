@@ -10,7 +10,7 @@ import numpy as np
 from curvcasadi.beam.beam import Beam
 from curvcasadi.control.model import ControlModel
 from curvcasadi.kinematics.pose_function import tip_function
-from curvcasadi.kinematics.resolution import largest_element_angles
+from curvcasadi.kinematics.resolution import elements_that_may_exceed
 from curvcasadi.kinematics.shape import curvature, squared_element_angles
 from curvcasadi.symbolic.expressions import (
     Number,
@@ -90,8 +90,7 @@ def kinematic_model(
 
 
 def _angles(beam: Beam) -> ca.Function | None:
-    kept = largest_element_angles(beam) <= beam.grid.max_angle
-    beyond = [int(e) for e in np.flatnonzero(~kept)]
+    beyond = elements_that_may_exceed(beam)
     if not beyond:
         return None
     q = ca.MX.sym("x", beam.basis.n)

@@ -13,7 +13,7 @@ from curvcasadi.estimation import ud
 from curvcasadi.estimation.process import offsets
 from curvcasadi.estimation.samples import numeric_array
 from curvcasadi.estimation.sensor_model import covariance_matrix
-from curvcasadi.kinematics.chain import checked_weights
+from curvcasadi.kinematics.weights import checked_weights
 from curvcasadi.symbolic.expressions import (
     Array,
     Number,

@@ -9,10 +9,11 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.estimation.sensor_model import SensorModel, sensor_model
 from curvcasadi.kinematics import chain
-from curvcasadi.kinematics.chain import checked_weights
 from curvcasadi.kinematics.jacobian import body_jacobian_of, jacobian_states
+from curvcasadi.kinematics.weights import checked_weights
 from curvcasadi.sensors import RootMotion, Sensor
 from curvcasadi.sensors.measurement import check_in_view
 from curvcasadi.symbolic.expressions import (
@@ -139,7 +140,7 @@ def shape_deviations(
     root = beam.root.rotation.full()
     squares = []
     for state in jacobian_states(chain.build(beam, xi.tolist()), q):
-        rotation, _ = chain.unpack_pose(state)
+        rotation, _ = unpack_pose(state)
         jacobian = body_jacobian_of(state).full()
         rows = np.vstack([jacobian[:3], root @ rotation.full() @ jacobian[3:]])
         variances = np.einsum("ij,jk,ik->i", rows, known, rows)

@@ -17,7 +17,7 @@ from curvcasadi.beam.beam import Beam
 from curvcasadi.export.c_function import STATIONARITY, TAKEN, VIOLATION, CFunction
 from curvcasadi.export.casadi_c import generate as generated
 from curvcasadi.export.casadi_c import work_vector
-from curvcasadi.kinematics.resolution import largest_element_angles
+from curvcasadi.kinematics.resolution import elements_that_may_exceed
 from curvcasadi.kinematics.shape import squared_element_angles
 
 _RESERVED = TAKEN | {"out", "work", "buffers", "column"}
@@ -67,8 +67,7 @@ def angle_functions(exports: Iterable[CFunction]) -> dict[Beam, ca.Function]:
     """For every beam whose bounds do not keep its elements' angles: a Function that says them."""
     functions: dict[Beam, ca.Function] = {}
     for beam in (beam for export in exports for beam in export.weights.values()):
-        within = largest_element_angles(beam) <= beam.grid.max_angle
-        if beam not in functions and not np.all(within):
+        if beam not in functions and elements_that_may_exceed(beam):
             q = ca.MX.sym("q", beam.basis.n)
             largest = ca.mmax(squared_element_angles(beam, q)) / beam.grid.max_angle**2
             name = f"element_angle_{len(functions)}" if functions else "element_angle"

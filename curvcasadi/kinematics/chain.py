@@ -18,13 +18,12 @@ import numpy as np
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.grid import COINCIDENT
+from curvcasadi.beam.pose import Pose, unpack_pose
 from curvcasadi.kinematics import element
 from curvcasadi.kinematics.rules import RULES
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
-    expression,
-    instance,
     is_numeric,
     same_kind,
 )
@@ -275,60 +274,5 @@ def squared_angle(pattern: Pattern) -> ca.Function:
     )
 
 
-def unpack_pose(state: AnyExpr) -> tuple[AnyExpr, AnyExpr]:
-    """(R, p) of a state that begins with (vec R, p)."""
-    return ca.reshape(state[:9], 3, 3), state[9:12]
-
-
 #: State of the identity pose.
-IDENTITY = ca.veccat(ca.DM.eye(3), ca.DM.zeros(3))
-
-#: Solvers meet bounds to a tolerance: numeric weights may exceed theirs by this fraction.
-BOUND_SLACK = 1e-6
-
-
-def checked_weights(beam: Beam, q: AnyExpr, name: str = "q") -> AnyExpr:
-    """`q` (n, 1) for `beam`; numbers must respect the weight bounds and the largest element angle.
-
-    Raises
-    ------
-    ValueError
-        For a wrong shape, NaN, an SX that meets MX design symbols, weights outside
-        `Beam.weight_bounds`, or an element that turns more than `Grid.max_angle`.
-    """
-    instance("beam", beam, Beam)
-    q = expression(name, q, (beam.basis.n, 1))
-    design = beam.design_symbols
-    same_kind(**{name: q}, **design)
-    if not is_numeric(q):
-        return q
-    lower, upper = beam.bounds
-    values = q.full().ravel()
-    lowest, highest = lower - BOUND_SLACK * np.abs(lower), upper + BOUND_SLACK * np.abs(upper)
-    for i in np.flatnonzero((values < lowest) | (values > highest)):
-        raise ValueError(
-            f"{name}[{i}] ({beam.basis.labels[i]}): expected within Beam.weight_bounds "
-            f"[{lower[i]:g}, {upper[i]:g}] rad/m, found {values[i]:g}"
-        )
-    if not design.keys() & {"Beam.length", "Beam.initial_curvature"}:
-        _check_angles(beam, q, name)
-    return q
-
-
-def _check_angles(beam: Beam, q: ca.DM, name: str) -> None:
-    largest = beam.grid.max_angle
-    angles = np.sqrt(element_angles(beam, q).full().ravel())
-    worst = int(np.argmax(angles))
-    if angles[worst] > largest * (1 + BOUND_SLACK):
-        a, b = beam.stations[worst : worst + 2]
-        raise ValueError(
-            f"{name}: expected every element to turn at most Grid.max_angle = {largest:g} rad, "
-            f"found {angles[worst]:g} rad between xi = {a:g} and {b:g}; use more elements"
-        )
-
-
-def element_angles(beam: Beam, q: AnyExpr) -> AnyExpr:
-    """Squared angles (N, 1), rad², of the elements; unchecked."""
-    chain = build(beam, (1.0,))
-    angle = squared_angle(chain.pattern).map(len(chain.data))
-    return angle(ca.repmat(q, 1, len(chain.data)), ca.horzcat(*chain.data)).T
+IDENTITY = Pose.identity().packed

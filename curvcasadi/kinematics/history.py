@@ -10,8 +10,8 @@ import numpy as np
 from tqdm import tqdm
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.kinematics import chain
 from curvcasadi.kinematics.shape import poses
+from curvcasadi.kinematics.weights import checked_weights, element_angles
 from curvcasadi.symbolic.expressions import Array, station
 from curvcasadi.symbolic.functions import function
 
@@ -78,22 +78,22 @@ def shape_history(
 def _shape_function(beam: Beam, stations: Array) -> ca.Function:
     """q -> position (3, M), rotation (3, 3 M), squared angles of the elements (N, 1)."""
     q = ca.MX.sym("q", beam.basis.n)
-    frames = poses(beam, chain.checked_weights(beam, q), stations.tolist())
+    frames = poses(beam, checked_weights(beam, q), stations.tolist())
     outputs = {
         "position": ca.horzcat(*(frame.position for frame in frames)),
         "rotation": ca.horzcat(*(frame.rotation for frame in frames)),
-        "squared_angles": chain.element_angles(beam, q),
+        "squared_angles": element_angles(beam, q),
     }
     return function("shape_history", {"q": q}, outputs)
 
 
 def _check(beam: Beam, weights: Array, angles: Array, names: Sequence[str]) -> None:
-    """Leaves the verdict on rows that may break a bound to `chain.checked_weights`."""
+    """Leaves the verdict on rows that may break a bound to `checked_weights`."""
     lower, upper = beam.bounds
     within = np.all((weights >= lower) & (weights <= upper), axis=1)
     within &= np.all(angles <= beam.grid.max_angle, axis=1)
     for k in np.flatnonzero(~within).tolist():
-        chain.checked_weights(beam, weights[k], names[k])
+        checked_weights(beam, weights[k], names[k])
 
 
 def _checked_times(times: Array | None, samples: int) -> Array:

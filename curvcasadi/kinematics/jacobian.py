@@ -15,8 +15,10 @@ from functools import lru_cache
 import casadi as ca
 
 from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics import chain, element
 from curvcasadi.kinematics.chain import Interval, Pattern
+from curvcasadi.kinematics.weights import checked_weights
 from curvcasadi.lie import so3
 from curvcasadi.symbolic.expressions import AnyExpr, station
 
@@ -39,7 +41,7 @@ def body_jacobian(beam: Beam, q: AnyExpr, xi: float = 1.0) -> AnyExpr:
     ValueError
         As `shape_map`; and for an exponential that leaves SO(3), which has no twist.
     """
-    q = chain.checked_weights(beam, q)
+    q = checked_weights(beam, q)
     (state,) = jacobian_states(chain.build(beam, (station("xi", xi),)), q)
     return body_jacobian_of(state)
 
@@ -59,7 +61,7 @@ def jacobian_states(
 
 def body_jacobian_of(state: AnyExpr) -> AnyExpr:
     """Body Jacobian (6, columns) of a state of `jacobian_states`."""
-    rotation, position = chain.unpack_pose(state)
+    rotation, position = unpack_pose(state)
     return to_body(rotation, position, *unpack_sums(state))
 
 
@@ -78,7 +80,7 @@ def to_body(rotation: AnyExpr, position: AnyExpr, angular: AnyExpr, linear: AnyE
 
 def interval_tangent(pattern: Pattern, state: ca.SX, interval: Interval) -> tuple[ca.SX, ...]:
     """Pose at the end of an interval, and d[A; B]/d(h, M): see `element.advance_with_tangent`."""
-    rotation, position = chain.unpack_pose(state)
+    rotation, position = unpack_pose(state)
     return element.advance_with_tangent(
         rotation,
         position,

@@ -14,10 +14,12 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics import chain, element
 from curvcasadi.kinematics.chain import Pattern
 from curvcasadi.kinematics.jacobian import to_body
 from curvcasadi.kinematics.rules import strain_with_derivatives
+from curvcasadi.kinematics.weights import checked_weights
 from curvcasadi.lie import so3
 from curvcasadi.symbolic.expressions import AnyExpr, expression, same_kind, station
 
@@ -141,11 +143,11 @@ def unpack_motion(state: AnyExpr, order: int) -> StationMotion:
         sums.append((ca.reshape(a, 3, size), ca.reshape(b, 3, size)))
     twist = state[12:18] if order else ca.DM.zeros(6)
     acceleration = state[18:24] if order == 2 else ca.DM.zeros(6)
-    return StationMotion(*chain.unpack_pose(state), twist, acceleration, tuple(sums))
+    return StationMotion(*unpack_pose(state), twist, acceleration, tuple(sums))
 
 
 def _weights_and_rate(beam: Beam, q: AnyExpr, q_dot: AnyExpr) -> tuple[AnyExpr, AnyExpr]:
-    q = chain.checked_weights(beam, q)
+    q = checked_weights(beam, q)
     q_dot = expression("q_dot", q_dot, (beam.basis.n, 1))
     same_kind(q=q, q_dot=q_dot, **beam.design_symbols)
     return q, q_dot

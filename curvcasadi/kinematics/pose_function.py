@@ -14,11 +14,13 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics import chain
 from curvcasadi.kinematics import jacobian as kinematics
 from curvcasadi.kinematics.element import ON_GROUP
 from curvcasadi.kinematics.shape import poses
 from curvcasadi.lie import so3
+from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     choice,
@@ -27,7 +29,7 @@ from curvcasadi.symbolic.expressions import (
     is_numeric,
     station,
 )
-from curvcasadi.symbolic.functions import free_symbols, identities
+from curvcasadi.symbolic.functions import free_symbols, function, identities
 
 Form = Literal["compact", "unrolled"]
 KINDS: dict[str, Any] = {"compact": ca.MX, "unrolled": ca.SX}
@@ -88,14 +90,9 @@ def pose_function(
     _check_parameters(beam, form, parameters or {})
     inputs = {"q": kind.sym("q", beam.basis.n), **(parameters or {})}
     values = _values(beam, stations, inputs["q"], jacobian)
-    options: dict[str, Any] = {"cse": True}
-    if beam.grid.exponential in ON_GROUP:
-        options |= {
-            "custom_jacobian": _jacobian_function(name, beam, stations, inputs, values),
-            "jac_penalty": 0,
-            "never_inline": True,
-        }
-    return ca.Function(name, [*inputs.values()], [*values.values()], [*inputs], [*values], options)
+    if beam.grid.exponential not in ON_GROUP:
+        return function(name, inputs, values)
+    return with_jacobian(name, inputs, values, _slopes(beam, stations, *inputs.values()))
 
 
 def _values(
@@ -109,7 +106,7 @@ def _values(
             "rotation": ca.horzcat(*(frame.rotation for frame in frames)),
         }
     states = kinematics.jacobian_states(chain.build(beam, stations), q)
-    root = ca.veccat(beam.root.rotation, beam.root.position)
+    root = beam.root.packed
     finish = _pose_and_body_jacobian(beam.basis.n)
     position, rotation, body = zip(*(finish(state, root) for state in states), strict=True)
     return {
@@ -146,45 +143,18 @@ def _check_parameters(beam: Beam, form: Form, parameters: Mapping[str, AnyExpr])
             )
 
 
-def _jacobian_function(
-    name: str,
-    beam: Beam,
-    stations: tuple[float, ...],
-    inputs: Mapping[str, AnyExpr],
-    values: Mapping[str, AnyExpr],
-) -> ca.Function:
-    """The Function that CasADi calls for the Jacobian: a block per output and input."""
-    q, *symbols = inputs.values()
+def _slopes(
+    beam: Beam, stations: tuple[float, ...], q: AnyExpr, *symbols: AnyExpr
+) -> dict[str, AnyExpr]:
+    """Derivatives of position and rotation by q and design symbols, by name of the output."""
     parameters = ca.veccat(*symbols) if symbols else None
     beam_chain = chain.build(beam, stations, parameters)
-    root = ca.veccat(beam.root.rotation, beam.root.position)
+    root = beam.root.packed
     d_root = _root_jacobian(root, parameters)
     finish = _derivatives(beam_chain.pattern.n, beam_chain.pattern.n_parameters)
     at_stations = [finish(s, root, d_root) for s in kinematics.jacobian_states(beam_chain, q)]
-    d_position, d_rotation = (ca.vertcat(*part) for part in zip(*at_stations, strict=True))
-    stacked = {"position": d_position, "rotation": d_rotation}
-    if "jacobian" in values:
-        stacked["jacobian"] = ca.DM.nan(values["jacobian"].numel(), d_position.shape[1])
-
-    splits = [0]
-    for symbol in inputs.values():
-        splits.append(splits[-1] + symbol.numel())
-    blocks = {
-        f"jac_{key}_{symbol}": block
-        for key, value in stacked.items()
-        for symbol, block in zip(inputs, ca.horzsplit(value, splits), strict=True)
-    }
-    kind = type(q)
-    nominal = {f"out_{key}": kind.sym(f"out_{key}", *value.shape) for key, value in values.items()}
-    arguments = {**inputs, **nominal}
-    return ca.Function(
-        f"jac_{name}",
-        [*arguments.values()],
-        [kind(block) for block in blocks.values()],
-        [*arguments],
-        [*blocks],
-        {"cse": True},
-    )
+    position, rotation = (ca.vertcat(*part) for part in zip(*at_stations, strict=True))
+    return {"position": position, "rotation": rotation}
 
 
 def _root_jacobian(root: AnyExpr, parameters: AnyExpr | None) -> AnyExpr:
@@ -199,8 +169,8 @@ def _root_jacobian(root: AnyExpr, parameters: AnyExpr | None) -> AnyExpr:
 def _pose_and_body_jacobian(n: int) -> ca.Function:
     """(state relative to the root, root) -> p = p_0 + R_0 p_rel, R = R_0 R_rel, body Jacobian."""
     state, root = ca.SX.sym("state", 12 + 6 * n), ca.SX.sym("root", 12)
-    root_rotation, root_position = chain.unpack_pose(root)
-    rotation, position = chain.unpack_pose(state)
+    root_rotation, root_position = unpack_pose(root)
+    rotation, position = unpack_pose(state)
     return ca.Function(
         "station_pose",
         [state, root],
@@ -225,8 +195,8 @@ def _derivatives(n: int, n_parameters: int) -> ca.Function:
     columns = n + n_parameters
     state = ca.SX.sym("state", 12 + 6 * columns)
     root, d_root = ca.SX.sym("root", 12), ca.SX.sym("d_root", 12, n_parameters)
-    root_rotation, _ = chain.unpack_pose(root)
-    rotation, position = chain.unpack_pose(state)
+    root_rotation, _ = unpack_pose(root)
+    rotation, position = unpack_pose(state)
     a, b = kinematics.unpack_sums(state)
     d_position = root_rotation @ (b - so3.hat(position) @ a)
     d_rotation = ca.vertcat(*(-root_rotation @ so3.hat(rotation[:, k]) @ a for k in range(3)))

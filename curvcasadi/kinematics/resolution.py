@@ -75,6 +75,12 @@ def largest_element_angles(beam: Beam) -> Array:
     return np.asarray(turned * np.sqrt(1 + turned**2 / 12))
 
 
+def elements_that_may_exceed(beam: Beam) -> list[int]:
+    """Elements that weights within `beam.bounds` may turn by more than `Grid.max_angle`."""
+    within = largest_element_angles(beam) <= beam.grid.max_angle
+    return [int(element) for element in np.flatnonzero(~within)]
+
+
 def _curvature_bound(beam: Beam, xi: float) -> float:
     """Bound on |K(xi)|, rad/m, over all weights within `beam.bounds`."""
     phi = beam.basis(xi)

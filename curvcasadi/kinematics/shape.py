@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import casadi as ca
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.beam.pose import Pose
+from curvcasadi.beam.pose import Pose, unpack_pose
 from curvcasadi.kinematics import chain
+from curvcasadi.kinematics.weights import checked_weights, element_angles
 from curvcasadi.symbolic.expressions import AnyExpr, Array, expression, station
 
 
@@ -50,7 +51,11 @@ def shape_map(beam: Beam, q: AnyExpr) -> Shape:
         If `q` has a wrong shape or a NaN, breaks `Beam.weight_bounds`, or turns an element by more
         than `Grid.max_angle`.
     """
-    q = chain.checked_weights(beam, q)
+    return unchecked_shape(beam, checked_weights(beam, q))
+
+
+def unchecked_shape(beam: Beam, q: AnyExpr) -> Shape:
+    """`shape_map` of weights (n, 1) that may break its limits, as those of a failed solve do."""
     stations = beam.stations
     return Shape(
         stations=stations,
@@ -65,7 +70,7 @@ def pose_at(beam: Beam, q: AnyExpr, xi: float) -> Pose:
     Within an element the rule integrates from the element's start to `xi`: the order is kept.
     """
     xi = station("xi", xi)
-    return poses(beam, chain.checked_weights(beam, q), [xi])[0]
+    return poses(beam, checked_weights(beam, q), [xi])[0]
 
 
 def curvature(beam: Beam, q: AnyExpr, xi: float) -> AnyExpr:
@@ -84,15 +89,15 @@ def squared_element_angles(beam: Beam, q: AnyExpr) -> AnyExpr:
     A bound for NLPs, `squared_element_angles(beam, q) <= beam.grid.max_angle**2`: unlike the angle
     itself it has derivatives at the straight wing.
     """
-    return chain.element_angles(beam, chain.checked_weights(beam, q))
+    return element_angles(beam, checked_weights(beam, q))
 
 
 def poses(beam: Beam, q: AnyExpr, stations: Sequence[float]) -> list[Pose]:
     """Poses of numeric stations, from weights that are checked already."""
     beam_chain = chain.build(beam, stations)
-    root = ca.veccat(beam.root.rotation, beam.root.position)
+    root = beam.root.packed
     states = beam_chain.march([chain.pose_step(beam_chain.pattern)], root, q)
     return [
         Pose(rotation=rotation, position=position)
-        for rotation, position in map(chain.unpack_pose, states)
+        for rotation, position in map(unpack_pose, states)
     ]

@@ -10,7 +10,7 @@ import numpy as np
 
 from curvcasadi.beam.beam import Beam, numeric_length
 from curvcasadi.beam.section import Section
-from curvcasadi.kinematics.resolution import largest_element_angles
+from curvcasadi.kinematics.resolution import elements_that_may_exceed
 from curvcasadi.kinematics.shape import curvature, squared_element_angles
 from curvcasadi.statics.energy import stiffness_matrix
 from curvcasadi.symbolic.expressions import (
@@ -51,7 +51,7 @@ def shape_limits(beam: Beam, q: ca.MX, curvature_bound: Number | None) -> Limits
             names += [f"K_{'xyz'[row]} at xi = {xi:.3g}" for row in rows]
             lower.append(-bounds[rows])
             upper.append(bounds[rows])
-    beyond = np.flatnonzero(~(largest_element_angles(beam) <= beam.grid.max_angle)).tolist()
+    beyond = elements_that_may_exceed(beam)
     if beyond:
         parts.append(squared_element_angles(beam, q)[beyond])
         names += [f"angle of element {e}" for e in beyond]

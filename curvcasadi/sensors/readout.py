@@ -14,6 +14,7 @@ from curvcasadi.kinematics import chain
 from curvcasadi.kinematics.motion import Motion, motion_states
 from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.kinematics.shape import curvature
+from curvcasadi.kinematics.weights import checked_weights
 from curvcasadi.sensors.channels import Channels, checked_sensors, sensor_channels
 from curvcasadi.sensors.kinds import Sensor, ShearGauge, StrainGauge
 from curvcasadi.sensors.readings import READINGS
@@ -53,7 +54,7 @@ class Readout:
         """The arguments, or a ValueError that names what is wrong with them."""
         sensors = checked_sensors(sensors)
         channels = sensor_channels(sensors)
-        q = chain.checked_weights(beam, q)
+        q = checked_weights(beam, q)
         root = instance("root", RootMotion() if root is None else root, RootMotion)
         rates = {
             name: expression(name, value, (beam.basis.n, 1))

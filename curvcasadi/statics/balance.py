@@ -135,7 +135,7 @@ def parameter_slopes(
     q = expression("q", q, (beam.basis.n, 1))
     mesh = loaded_mesh(beam, loads)
     beam_chain = chain.build(beam, mesh.stations.tolist(), boundaries=mesh.stations)
-    root = ca.veccat(beam.root.rotation, beam.root.position)
+    root = beam.root.packed
     states = kinematics.jacobian_states(beam_chain, q, root)
     n, m = beam.basis.n, parameters.numel()
     residual = ca.jacobian(stiffness_matrix(beam) @ q, parameters)
@@ -166,7 +166,7 @@ def _passes(
         same_kind(q=q, **{f"loads at xi = {xi:g}": values for _, values in acting})
     beam_chain = chain.build(beam, mesh.stations.tolist(), boundaries=mesh.stations)
     pattern, n = beam_chain.pattern, beam.basis.n
-    root = ca.veccat(beam.root.rotation, beam.root.position)
+    root = beam.root.packed
     if tangent:
         states = kinematics.jacobian_states(beam_chain, q, root)
         inward = virtual_work.inward_tangent(pattern)

@@ -12,6 +12,7 @@ import numpy as np
 from curvcasadi.beam.beam import Beam, numeric_length
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.kinematics.shape import Shape, shape_map
+from curvcasadi.kinematics.weights import exceeded_limit
 from curvcasadi.statics.balance import balance
 from curvcasadi.symbolic.expressions import AnyExpr, Array, expression
 from curvcasadi.symbolic.functions import free_symbols
@@ -77,7 +78,7 @@ def solve_equilibrium(
         guess = expression("q_guess", q_guess, (n, 1)).full().ravel()
 
     q = newton.correct(guess, 1.0, largest=np.inf if q_guess is not None else _LARGEST_STEP)
-    if q is not None and not _exceeded(beam, q):
+    if q is not None and not exceeded_limit(beam, q):
         if q_guess is not None or not newton.crossings(q, 1.0):
             return _equilibrium(beam, newton, q, 1.0, steps=1)
     return _continue(beam, newton, np.zeros(n))
@@ -149,15 +150,6 @@ class _Newton:
         return int(np.sum(real & (eigenvalues.real < 0)))
 
 
-def _exceeded(beam: Beam, q: Array) -> str:
-    """Which limit of the beam the weights exceed, in words; empty if none."""
-    try:
-        shape_map(beam, q)
-    except ValueError as error:
-        return str(error)
-    return ""
-
-
 def _continue(beam: Beam, newton: _Newton, q: Array) -> Equilibrium:
     factor, step, steps, crossings = 0.0, 0.25, 0, 0
     reason = "the loads may have a limit there, or be far too large"
@@ -172,7 +164,7 @@ def _continue(beam: Beam, newton: _Newton, q: Array) -> Equilibrium:
         crossed = crossings if found is None else newton.crossings(found, target)
         if crossed != crossings and step > _CROSSING_STEP:
             found = None  # on the branch itself a small step finds the same crossing
-        exceeded = "" if found is None else _exceeded(beam, found)
+        exceeded = "" if found is None else exceeded_limit(beam, found)
         if exceeded:
             found, reason = None, f"the beam is at its limit: {exceeded}"
         if found is not None:

@@ -16,6 +16,7 @@ from curvcasadi.statics.balance import (
     parameter_slopes,
 )
 from curvcasadi.statics.energy import stiffness_matrix
+from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.expressions import AnyExpr, function_name
 from curvcasadi.symbolic.functions import free_symbols
 
@@ -130,40 +131,11 @@ def residual_function(
     missing = free_symbols(residual, inputs.values())
     if missing:
         raise ValueError(f"parameters: expected every symbol, missing {', '.join(missing)}")
-    _, tangent = equilibrium_tangent(beam, q, loads, attitude)
-    blocks = _parameter_blocks(beam, q, loads, parameters, attitude)
-    nominal = ca.MX.sym("out_residual", residual.shape[0])
-    derivative = ca.Function(
-        f"jac_{name}",
-        [*inputs.values(), nominal],
-        [ca.densify(block) for block in (tangent, *blocks.values())],
-        [*inputs, "out_residual"],
-        ["jac_residual_q", *blocks],
-        {"cse": True},
-    )
-    options: dict[str, Any] = {
-        "cse": True,
-        "custom_jacobian": derivative,
-        "jac_penalty": 0,
-        "never_inline": True,
-    }
-    return ca.Function(name, [*inputs.values()], [residual], [*inputs], ["residual"], options)
-
-
-def _parameter_blocks(
-    beam: Beam,
-    q: ca.MX,
-    loads: Sequence[Any],
-    parameters: Mapping[str, AnyExpr],
-    attitude: AnyExpr | None,
-) -> dict[str, AnyExpr]:
-    """Derivatives of the residual with respect to each parameter, by the name of its output."""
-    if not parameters:
-        return {}
-    slopes, _ = parameter_slopes(beam, q, loads, ca.veccat(*parameters.values()), attitude)
-    splits = np.cumsum([0, *(symbol.numel() for symbol in parameters.values())]).tolist()
-    pieces = ca.horzsplit(slopes, splits)
-    return {f"jac_residual_{key}": piece for key, piece in zip(parameters, pieces, strict=True)}
+    _, slopes = equilibrium_tangent(beam, q, loads, attitude)
+    if parameters:
+        stacked = ca.veccat(*parameters.values())
+        slopes = ca.horzcat(slopes, parameter_slopes(beam, q, loads, stacked, attitude)[0])
+    return with_jacobian(name, inputs, {"residual": residual}, {"residual": slopes})
 
 
 def _unstack(stacked: ca.MX, like: list[AnyExpr]) -> list[ca.MX]:

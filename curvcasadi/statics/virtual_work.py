@@ -9,6 +9,7 @@ from functools import lru_cache
 
 import casadi as ca
 
+from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics import chain, element
 from curvcasadi.kinematics import jacobian as kinematics
 from curvcasadi.kinematics.chain import Pattern
@@ -24,7 +25,7 @@ def station_wrench(formula: WrenchFormula, size: int, columns: int | None) -> ca
     """
     state = ca.SX.sym("state", 12 + 6 * (columns or 0))
     data = ca.SX.sym("data", size)
-    rotation, position = chain.unpack_pose(state)
+    rotation, position = unpack_pose(state)
     wrench = formula(rotation, position, data)
     if columns is None:
         return ca.Function("station_wrench", [state, data], [wrench], {"cse": True})
@@ -41,7 +42,7 @@ def wrench_by_data(formula: WrenchFormula, size: int, m: int, n: int) -> ca.Func
     """(state with sums, data, d data (size, m)) -> [A; B]ᵀ ∂W (n, m), ∂W (6, m)."""
     state, data = ca.SX.sym("state", 12 + 6 * n), ca.SX.sym("data", size)
     d_data = ca.SX.sym("d_data", size, m)
-    wrench = formula(*chain.unpack_pose(state), data)
+    wrench = formula(*unpack_pose(state), data)
     slope = ca.densify(ca.jacobian(wrench, data)) @ d_data
     work = ca.vertcat(*kinematics.unpack_sums(state)).T @ slope
     return ca.Function("wrench_by_data", [state, data, d_data], [work, slope], {"cse": True})
@@ -107,7 +108,7 @@ def inward_tangent(pattern: Pattern) -> ca.Function:
 
 def _to_local(state: ca.SX, wrench: ca.SX) -> ca.SX:
     """Ad(T)ᵀ W: wrenches (6, columns) about the parent origin, to the axes and origin of T."""
-    rotation, position = chain.unpack_pose(state)
+    rotation, position = unpack_pose(state)
     moment, force = wrench[:3, :], wrench[3:, :]
     at_station = moment - so3.hat(position) @ force
     return ca.vertcat(rotation.T @ at_station, rotation.T @ force)

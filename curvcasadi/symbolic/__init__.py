@@ -1,12 +1,8 @@
 """CasADi expressions and their checks, named and native Functions, named parts of vectors."""
 
-from curvcasadi.symbolic.compiled import (
-    compile_function,
-)
-from curvcasadi.symbolic.functions import (
-    function,
-    jacobian_function,
-)
+from curvcasadi.symbolic.compiled import compile_function
+from curvcasadi.symbolic.derivatives import jacobian_function
+from curvcasadi.symbolic.functions import function
 from curvcasadi.symbolic.layout import (
     Layout,
     Part,

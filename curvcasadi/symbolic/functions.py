@@ -40,34 +40,6 @@ def function(
     return ca.Function(name, [*inputs.values()], expressions, [*inputs], [*outputs], {"cse": True})
 
 
-def jacobian_function(f: ca.Function, name: str | None = None) -> ca.Function:
-    """Derivatives of every output of `f` with respect to every input, as a Function of its inputs.
-
-    A structured Jacobian that is attached to `f` is used. Unlike `f.jacobian()` it takes no nominal
-    outputs: exported, it is called like `f`.
-
-    Parameters
-    ----------
-    name : "jacobian_" and the name of `f` unless given
-
-    Returns
-    -------
-    casadi.Function
-        Outputs jac_<output>_<input>, (entries of the output, entries of the input), by columns.
-    """
-    jacobian = f.jacobian()
-    inputs = [ca.MX.sym(key, f.sparsity_in(key)) for key in f.name_in()]
-    nominal = range(f.n_in(), jacobian.n_in())
-    needed = any(
-        jacobian.jac_sparsity(o, i).nnz() for o in range(jacobian.n_out()) for i in nominal
-    )
-    outputs = f.call(inputs) if needed else [ca.MX(*jacobian.size_in(i)) for i in nominal]
-    blocks = jacobian.call([*inputs, *outputs])
-    return ca.Function(
-        name or f"jacobian_{f.name()}", inputs, blocks, f.name_in(), jacobian.name_out()
-    )
-
-
 def free_symbols(value: AnyExpr, declared: Iterable[AnyExpr]) -> list[str]:
     """Names of the symbols in `value` that are not among the symbols `declared`."""
     if is_numeric(value):

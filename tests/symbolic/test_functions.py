@@ -8,7 +8,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 import curvcasadi as cc
-from curvcasadi.reference_wings import hale_wing
 
 
 def test_function_names_its_inputs_and_outputs(symbolic):
@@ -66,25 +65,3 @@ def test_function_refuses_to_mix_kinds():
     q = ca.SX.sym("q")
     with pytest.raises(ValueError, match=r"q is SX, .*outputs\['x'\].* is MX"):
         cc.function("f", {"q": q}, {"x": ca.MX.sym("x")})
-
-
-def test_jacobian_functions_take_the_inputs_of_their_function_and_its_structured_jacobian():
-    tip = cc.tip_function(hale_wing())
-    derivatives = cc.jacobian_function(tip)
-    assert derivatives.name() == "jacobian_tip"
-    assert derivatives.name_in() == ["q"]
-    names = {f.name() for f in derivatives.find_functions()}
-    assert "jac_tip" in names
-    # The pose itself is not computed, and nothing is differentiated by AD.
-    assert not [n for n in names if n == "element_pose" or n.startswith(("fwd", "adj"))]
-    q = np.random.default_rng(0).uniform(-0.03, 0.03, 9)
-    expected = tip.jacobian()(q, 0, 0)
-    for found, block in zip(derivatives(q), expected, strict=True):
-        assert_allclose(found, block, rtol=0)
-
-
-def test_jacobian_functions_of_implicit_functions_evaluate_them():
-    x, p = ca.MX.sym("x"), ca.MX.sym("p")
-    root = ca.rootfinder("root", "fast_newton", {"x": x, "p": p, "g": x**2 - p})
-    f = ca.Function("f", [p], [root(1, p)], ["p"], ["y"])
-    assert_allclose(cc.jacobian_function(f, "slope")(4.0), 0.25, rtol=1e-12)  # of the root

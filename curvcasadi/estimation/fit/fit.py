@@ -23,7 +23,7 @@ from curvcasadi.estimation.sensor_model import (
     measured_values,
     sensor_model,
 )
-from curvcasadi.kinematics.chain import checked_weights
+from curvcasadi.kinematics.weights import exceeded_limit
 from curvcasadi.sensors import RootMotion, Sensor
 from curvcasadi.sensors.measurement import check_in_view
 from curvcasadi.symbolic.expressions import (
@@ -258,7 +258,7 @@ def _result(problem: _Problem, best: Minimum, iterations: int) -> ShapeFit:
     there = np.isin(np.arange(len(weights)), problem.groups)
     names = [part.name for part in model.channels.layout.parts]
 
-    too_bent = _too_bent(beam, q)
+    too_bent = exceeded_limit(beam, q)
     p_value = float(chi2.sf(squares, freedom)) if freedom else float("nan")
     loss_weights = dict(zip(names, np.where(there, weights, np.nan).tolist(), strict=True))
     message = fit_message(
@@ -290,15 +290,6 @@ def _result(problem: _Problem, best: Minimum, iterations: int) -> ShapeFit:
         iterations=iterations,
         message=message,
     )
-
-
-def _too_bent(beam: Beam, q: Array) -> str:
-    """Which limit of the beam the weights exceed, in words; empty if none."""
-    try:
-        checked_weights(beam, ca.DM(q))
-    except ValueError as error:
-        return str(error)
-    return ""
 
 
 def _active_bounds(beam: Beam, q: Array) -> dict[int, str]:

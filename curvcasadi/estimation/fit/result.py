@@ -11,7 +11,7 @@ import numpy as np
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.estimation.observability import Observability
-from curvcasadi.kinematics.shape import Shape, curvature, poses
+from curvcasadi.kinematics.shape import Shape, unchecked_shape
 from curvcasadi.sensors import Channels
 from curvcasadi.symbolic.expressions import Array
 
@@ -54,12 +54,7 @@ class ShapeFit:
     @cached_property
     def shape(self) -> Shape:
         """The shape at `q`, which may bend elements too far if the fit has not converged."""
-        stations = self.beam.stations
-        return Shape(
-            stations=stations,
-            poses=tuple(poses(self.beam, self.q, stations.tolist())),
-            curvatures=ca.horzcat(*(curvature(self.beam, self.q, xi) for xi in stations)),
-        )
+        return unchecked_shape(self.beam, self.q)
 
     @property
     def deviations(self) -> Array:

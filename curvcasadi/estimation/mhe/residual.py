@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import casadi as ca
 
@@ -11,6 +10,7 @@ from curvcasadi.beam.beam import Beam
 from curvcasadi.estimation.samples import or_zero
 from curvcasadi.kinematics.root_motion import ROOT_INPUTS
 from curvcasadi.sensors import Camera, RootMotion, Sensor, measurement_function, sensor_channels
+from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.layout import Layout
 
 
@@ -53,18 +53,10 @@ def sample_residual(
         residual = or_zero(residual.shape[0])(residual)
     slopes = ca.horzcat(*(found[f"residual_{key}"] for key in parts))
 
-    nominal = {"out_residual": ca.MX.sym("out_residual", residual.shape[0])}
-    blocks = {"jac_residual_node": ca.densify(ca.diag(weight) @ slopes)}
-    for key, symbol in [*inputs.items()][1:]:
-        blocks[f"jac_residual_{key}"] = ca.MX(residual.shape[0], symbol.numel())
-    arguments = {**inputs, **nominal}
-    jacobian = ca.Function(
-        f"jac_{name}", [*arguments.values()], [*blocks.values()], [*arguments], [*blocks]
+    return with_jacobian(
+        name,
+        inputs,
+        {"residual": residual},
+        {"residual": ca.diag(weight) @ slopes},
+        held=[*inputs][1:],
     )
-    options: dict[str, Any] = {
-        "custom_jacobian": jacobian,
-        "jac_penalty": 0,
-        "never_inline": True,
-        "is_diff_in": [True, *[False] * (len(inputs) - 1)],
-    }
-    return ca.Function(name, [*inputs.values()], [residual], [*inputs], ["residual"], options)

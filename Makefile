@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test target-test fault-test benchmarks figures clean
+.PHONY: demo test docs target-test fault-test benchmarks figures clean
 
 demo: $(VENV)/installed
 	@command -v gcc >/dev/null || { echo "make demo compiles C: gcc is missing (Debian: apt-get install gcc)"; exit 1; }
@@ -29,6 +29,11 @@ fault-test: $(VENV)/installed-test
 benchmarks: $(VENV)/installed-test
 	$(BIN)/python -m benchmarks
 
+docs: $(VENV)/installed-docs
+	@command -v gcc >/dev/null || { echo "make docs compiles C: gcc is missing (Debian: apt-get install gcc)"; exit 1; }
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs build/docs
+	@echo "build/docs/index.html"
+
 figures: $(VENV)/installed
 	$(BIN)/python -m docs.figures
 	$(BIN)/python -m docs.published
@@ -44,6 +49,11 @@ $(VENV)/installed-test: pyproject.toml
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[test]"
 	@touch $@ $(VENV)/installed
 
+$(VENV)/installed-docs: pyproject.toml
+	@$(MAKE) --no-print-directory $(VENV)/bin/pip
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[docs]"
+	@touch $@ $(VENV)/installed
+
 $(VENV)/bin/pip:
 	@command -v $(PYTHON) >/dev/null || { echo "Python 3.11 or later is missing (Debian: apt-get install python3)"; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$(PYTHON) is older than 3.11: name a newer one, make PYTHON=python3.12 ..."; exit 1; }
@@ -51,4 +61,4 @@ $(VENV)/bin/pip:
 	$(PYTHON) -m venv $(VENV)
 
 clean:
-	rm -rf $(VENV) build out *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build out docs/generated *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

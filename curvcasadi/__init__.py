@@ -171,6 +171,8 @@ from curvcasadi.symbolic import (
     jacobian_function,
 )
 
+__version__ = "0.1.0"
+
 __all__ = [
     "Accelerometer",
     "AerodynamicLoad",

@@ -1,0 +1,1 @@
+"""The documentation site: its pages, its pictures, and what runs the code on its pages."""

@@ -91,12 +91,16 @@ def jacobian_function(f: ca.Function, name: str | None = None) -> ca.Function:
 
     Parameters
     ----------
-    name : "jacobian_" and the name of `f` unless given
+    f : casadi.Function
+        With any inputs and outputs.
+    name : str, optional
+        Name of the result; where None, the name of `f` behind ``jacobian_``.
 
     Returns
     -------
     casadi.Function
-        Outputs jac_<output>_<input>, (entries of the output, entries of the input), by columns.
+        Inputs as `f`. Outputs ``jac_<output>_<input>``, each (entries of the output, entries of the
+        input), matrices by columns.
     """
     jacobian = f.jacobian()
     inputs = [ca.MX.sym(key, f.sparsity_in(key)) for key in f.name_in()]

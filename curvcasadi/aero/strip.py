@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 
+from curvcasadi.beam.along import Along, Check, breaks_of, scalar
 from curvcasadi.symbolic.expressions import AnyExpr, Number, choice, expression, positive, station
 
 
@@ -68,12 +68,16 @@ class StripAerodynamics:
     controls: tuple[ControlSurface, ...] = ()
     upper_side: int = 1  #: +1: local z points out of the upper side (right wing), −1: the lower
     tip_loss: ExponentialTipLoss | None = None
+    _quantities: dict[str, Along] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        for name in QUANTITIES:
-            _check(name, getattr(self, name))
         choice("StripAerodynamics.upper_side", self.upper_side, (1, -1))
         object.__setattr__(self, "controls", tuple(self.controls))
+        quantities = {
+            name: Along(f"StripAerodynamics.{name}", getattr(self, name), check)
+            for name, check in QUANTITIES.items()
+        }
+        object.__setattr__(self, "_quantities", quantities)
         for surface in self.controls:
             if not isinstance(surface, ControlSurface):
                 raise ValueError(
@@ -83,9 +87,13 @@ class StripAerodynamics:
     @property
     def breaks(self) -> tuple[float, ...]:
         """Interior stations at which a quantity jumps or a control surface ends."""
-        points = {x for f in fields(self) for x in getattr(getattr(self, f.name), "breaks", ())}
-        points |= {float(x) for surface in self.controls for x in (surface.start, surface.end)}
+        ends = {float(x) for surface in self.controls for x in (surface.start, surface.end)}
+        points = ends.union(breaks_of(self.tip_loss, *self._quantities.values()))
         return tuple(sorted(x for x in points if 0 < x < 1))
+
+    def at(self, name: str, xi: float) -> AnyExpr:
+        """One of `QUANTITIES` at a station."""
+        return self._quantities[name](xi)
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -93,15 +101,15 @@ class StripAerodynamics:
         return tuple(dict.fromkeys(surface.name for surface in self.controls))
 
 
-#: Fields of `StripAerodynamics` that may vary along the span.
-QUANTITIES = (
-    "chord",
-    "aerodynamic_center",
-    "lift_slope",
-    "zero_lift_angle",
-    "profile_drag",
-    "moment_coefficient",
-)
+#: Fields of `StripAerodynamics` that may vary along the span, and what they must fulfil.
+QUANTITIES: dict[str, Check] = {
+    "chord": positive,
+    "aerodynamic_center": scalar,
+    "lift_slope": scalar,
+    "zero_lift_angle": scalar,
+    "profile_drag": scalar,
+    "moment_coefficient": scalar,
+}
 
 
 def mirror_aero(strips: StripAerodynamics) -> StripAerodynamics:
@@ -121,7 +129,7 @@ def coefficients(
     strips: StripAerodynamics, xi: float, deflections: Mapping[str, Number]
 ) -> AnyExpr:
     """Chord, aerodynamic centre, c_l per α, c_l at α = 0, c_d, c_m at a station: (6, 1)."""
-    chord, center, slope, zero_lift, drag, moment = (_at(strips, name, xi) for name in QUANTITIES)
+    chord, center, slope, zero_lift, drag, moment = (strips.at(name, xi) for name in QUANTITIES)
     lift = -slope * zero_lift
     for surface in strips.controls:
         if surface.start <= xi <= surface.end:
@@ -131,22 +139,3 @@ def coefficients(
             moment = moment + surface.moment * angle
     factor = 1.0 if strips.tip_loss is None else strips.tip_loss(xi)
     return ca.vertcat(chord, center, factor * slope, factor * lift, drag, moment)
-
-
-def _check(name: str, value: Any) -> None:
-    if callable(value):
-        return
-    label = f"StripAerodynamics.{name}"
-    if name == "chord":
-        positive(label, value)
-    else:
-        expression(label, value, (1, 1))
-
-
-def _at(strips: StripAerodynamics, name: str, xi: float) -> Number:
-    value = getattr(strips, name)
-    if not callable(value):
-        return value
-    found = value(xi)
-    label = f"StripAerodynamics.{name} at xi = {xi}"
-    return positive(label, found) if name == "chord" else expression(label, found, (1, 1))

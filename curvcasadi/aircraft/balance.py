@@ -56,7 +56,7 @@ def rigid_wrenches(
         strips = surface.strips
         deflections = {name: inputs.get(name, 0.0) for name in strips.inputs}
         load = AerodynamicLoad(strips=strips, flow=flight.flow, deflections=deflections)
-        chord = strips.chord(0.5) if callable(strips.chord) else strips.chord
+        chord = strips.at("chord", 0.5)
         data = strip_data(load, 0.5, surface.area / chord, flight.attitude.T)
         wrenches[surface.name] = strip_wrench(surface.pose.rotation, surface.pose.position, data)
     return wrenches

@@ -1,5 +1,6 @@
 """What a beam is: basis, grid, section, pose, and its mirror image."""
 
+from curvcasadi.beam.along import Piecewise, Steps
 from curvcasadi.beam.basis import (
     ChannelBasis,
     VectorBasis,
@@ -32,7 +33,6 @@ from curvcasadi.beam.pose import (
 from curvcasadi.beam.section import (
     Body,
     Section,
-    Steps,
     condense_axial,
 )
 
@@ -48,6 +48,7 @@ __all__ = [
     "ModalBasis",
     "Modes",
     "Monomial",
+    "Piecewise",
     "PiecewiseConstant",
     "Pose",
     "Section",

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
+from curvcasadi.beam.along import Along, breaks_of, vector
 from curvcasadi.beam.basis import Basis
 from curvcasadi.beam.grid import COINCIDENT, Grid
 from curvcasadi.beam.pose import Pose
@@ -16,7 +17,6 @@ from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
     Number,
-    expression,
     instance,
     is_numeric,
     positive,
@@ -39,6 +39,7 @@ class Beam:
     initial_curvature: Number | None = None  #: K_0 (3,), rad/m, local axes, or a function of xi
     weight_bounds: Number | None = None  #: rad/m: b, (b_1 … b_n), or a pair (lower, upper)
     bodies: tuple[Body, ...] = ()  #: rigid bodies fixed to stations
+    _initial: Along = field(init=False, repr=False)
     _bounds: tuple[Array, Array] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -60,8 +61,8 @@ class Beam:
                 "Beam.basis: expected a basis such as ChannelBasis(out_of_plane=Legendre(4)), "
                 f"found {self.basis!r}"
             )
-        if self.initial_curvature is not None and not callable(self.initial_curvature):
-            expression("Beam.initial_curvature", self.initial_curvature, (3, 1))
+        initial = np.zeros(3) if self.initial_curvature is None else self.initial_curvature
+        object.__setattr__(self, "_initial", Along("Beam.initial_curvature", initial, vector))
         object.__setattr__(self, "_bounds", self._validated_bounds())
 
     def _validated_bounds(self) -> tuple[Array, Array]:
@@ -94,8 +95,7 @@ class Beam:
     @property
     def breaks(self) -> tuple[float, ...]:
         """Interior xi that no element crosses: breaks of the basis, K_0 and the section."""
-        sources = (self.basis, self.initial_curvature, self.section)
-        points = [x for source in sources for x in getattr(source, "breaks", ())]
+        points = breaks_of(self.basis, self.initial_curvature, self.section)
         return merged_breaks([*points, *(body.xi for body in self.bodies)])
 
     @property
@@ -105,25 +105,20 @@ class Beam:
 
     def initial_curvature_at(self, xi: float) -> AnyExpr:
         """K_0 (3, 1), rad/m, local axes, at the station `xi`."""
-        k0 = self.initial_curvature
-        if k0 is None:
-            return ca.DM.zeros(3)
-        if callable(k0):
-            return expression(f"Beam.initial_curvature at xi = {xi:g}", k0(xi), (3, 1))
-        return expression("Beam.initial_curvature", k0, (3, 1))
+        return self._initial(xi)
 
     @property
     def design_symbols(self) -> dict[str, AnyExpr]:
         """Fields that shape the beam and hold CasADi symbols, by name."""
         stations = self.stations
         sampled = np.concatenate([stations, (stations[1:] + stations[:-1]) / 2])
-        k0 = self.initial_curvature
+        sampled = sampled if self._initial.varies else sampled[:1]
         fields = {
             "Beam.length": self.length,
             "Beam.root.rotation": self.root.rotation,
             "Beam.root.position": self.root.position,
             "Beam.initial_curvature": ca.vertcat(
-                *(self.initial_curvature_at(xi) for xi in (sampled if callable(k0) else [0.0]))
+                *(self.initial_curvature_at(xi) for xi in sampled)
             ),
         }
         return {name: value for name, value in fields.items() if not is_numeric(value)}

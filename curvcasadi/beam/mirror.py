@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import casadi as ca
 
+from curvcasadi.beam.along import mapped
 from curvcasadi.beam.basis import MirroredBasis
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.pose import Pose
@@ -34,7 +33,7 @@ def mirror(beam: Beam) -> Beam:
             position=PARENT * beam.root.position,
         ),
         basis=basis.original if isinstance(basis, MirroredBasis) else MirroredBasis(basis),
-        initial_curvature=_mapped(beam.initial_curvature, _curvature),
+        initial_curvature=mapped(beam.initial_curvature, _curvature),
         section=None if section is None else _section(section),
         bodies=tuple(_body(body) for body in beam.bodies),
     )
@@ -43,10 +42,10 @@ def mirror(beam: Beam) -> Beam:
 def _section(section: Section) -> Section:
     return replace(
         section,
-        coupling_xz=_mapped(section.coupling_xz, _opposite),
-        coupling_yz=_mapped(section.coupling_yz, _opposite),
-        inertia=_mapped(section.inertia, _matrix),
-        center_of_mass=_mapped(section.center_of_mass, _offset),
+        coupling_xz=mapped(section.coupling_xz, _opposite),
+        coupling_yz=mapped(section.coupling_yz, _opposite),
+        inertia=mapped(section.inertia, _matrix),
+        center_of_mass=mapped(section.center_of_mass, _offset),
     )
 
 
@@ -72,24 +71,3 @@ def _opposite(value: Number) -> Number:
 
 def _column(value: Number) -> AnyExpr:
     return value if isinstance(value, (ca.SX, ca.MX)) else ca.DM(value)
-
-
-@dataclass(frozen=True, eq=False)
-class _Mapped:
-    """A quantity along the span, mirrored where it is evaluated."""
-
-    source: Callable[[float], Any]
-    change: Callable[[Any], Any]
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        return tuple(getattr(self.source, "breaks", ()))
-
-    def __call__(self, xi: float) -> Any:
-        return self.change(self.source(xi))
-
-
-def _mapped(value: Number | None, change: Callable[[Any], Any]) -> Number | None:
-    if value is None:
-        return None
-    return _Mapped(value, change) if callable(value) else change(value)

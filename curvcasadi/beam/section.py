@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass, field
+from functools import partial
 
 import casadi as ca
 import numpy as np
 
+from curvcasadi.beam.along import Along, Check, breaks_of, mapped, scalar, vector
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
     Number,
     expression,
     is_numeric,
-    numbers,
     positive,
     station,
 )
@@ -23,41 +22,6 @@ from curvcasadi.symbolic.expressions import (
 #: Rigidities in the order of K_x, K_y, K_z, and the couplings of two of them.
 RIGIDITIES = ("GJ", "EI_y", "EI_z")
 COUPLINGS = {"coupling_xy": (0, 1), "coupling_xz": (0, 2), "coupling_yz": (1, 2)}
-
-
-@dataclass(frozen=True, eq=False)
-class Steps:
-    """A quantity that is constant between jumps: for tables of section data.
-
-    Parameters
-    ----------
-    xi : (m + 1,) increasing stations from 0 to 1
-    values : m values, one per interval; of any shape
-    """
-
-    xi: Sequence[float]
-    values: Sequence[Any]
-
-    def __post_init__(self) -> None:
-        xi = numbers("Steps.xi", self.xi)
-        if xi.ndim != 1 or len(xi) < 2 or np.any(np.diff(xi) <= 0) or xi[0] != 0 or xi[-1] != 1:
-            raise ValueError(
-                f"Steps.xi: expected increasing stations that cover 0 to 1, found {xi.tolist()}"
-            )
-        if len(self.values) != len(xi) - 1:
-            raise ValueError(
-                f"Steps.values: expected {len(xi) - 1} values, one per interval, "
-                f"found {len(self.values)}"
-            )
-        object.__setattr__(self, "xi", xi)
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """Where the quantity jumps."""
-        return tuple(float(x) for x in np.asarray(self.xi)[1:-1])
-
-    def __call__(self, xi: float) -> Any:
-        return self.values[int(np.searchsorted(self.breaks, xi, side="right"))]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -81,19 +45,20 @@ class Section:
         float, ...
     ] = ()  #: interior xi at which a field jumps; those of `Steps` are added
 
+    _quantities: dict[str, Along] = field(init=False, repr=False)
+
     def __post_init__(self) -> None:
-        for name in RIGIDITIES:
-            _check(self, name, positive)
-        for name in COUPLINGS:
-            _check(self, name, lambda name, value: expression(name, value, (1, 1)))
-        if self.mass_per_length is not None:
-            _check(self, "mass_per_length", positive)
-        if self.inertia is not None:
-            _check(self, "inertia", symmetric)
-        _check(self, "center_of_mass", lambda name, value: expression(name, value, (3, 1)))
-        jumps = {x for f in fields(self) for x in getattr(getattr(self, f.name), "breaks", ())}
-        object.__setattr__(self, "breaks", tuple(sorted(jumps | set(self.breaks))))
-        if not any(callable(getattr(self, name)) for name in (*RIGIDITIES, *COUPLINGS)):
+        if self.mass_per_length is not None and not callable(self.mass_per_length):
+            positive("Section.mass_per_length", self.mass_per_length)
+        quantities = {
+            name: Along(f"Section.{name}", getattr(self, name), check)
+            for name, check in _CHECKS.items()
+            if getattr(self, name) is not None
+        }
+        object.__setattr__(self, "_quantities", quantities)
+        breaks = breaks_of(self, *self._quantities.values())
+        object.__setattr__(self, "breaks", breaks)
+        if not any(self._quantities[name].varies for name in (*RIGIDITIES, *COUPLINGS)):
             self.stiffness(0.5)
 
     @classmethod
@@ -106,10 +71,10 @@ class Section:
         mass : `mass_per_length`, `inertia`, `center_of_mass`
         """
 
+        whole = Along("stiffness", stiffness, partial(symmetric, definite=True)).value
+
         def entry(row: int, column: int) -> Number:
-            if callable(stiffness):
-                return _Entry(stiffness, row, column)
-            return symmetric("stiffness", stiffness, definite=True)[row, column]
+            return mapped(whole, lambda matrix: matrix[row, column])
 
         couplings = {name: entry(*place) for name, place in COUPLINGS.items()}
         rigidities = {name: entry(i, i) for i, name in enumerate(RIGIDITIES)}
@@ -119,40 +84,28 @@ class Section:
         """Stiffness (3, 3), N m², local axes: moment = stiffness (K − K_0)."""
         rows = [[ca.DM(0)] * 3 for _ in range(3)]
         for i, name in enumerate(RIGIDITIES):
-            rows[i][i] = _at(self, name, xi)
+            rows[i][i] = self._quantities[name](xi)
         for name, (i, j) in COUPLINGS.items():
-            rows[i][j] = rows[j][i] = _at(self, name, xi)
+            rows[i][j] = rows[j][i] = self._quantities[name](xi)
         matrix = ca.vertcat(*(ca.horzcat(*row) for row in rows))
         return symmetric(f"Section stiffness at xi = {xi}", matrix, definite=True)
 
     def mass_at(self, xi: float) -> Number:
         """Mass per length, kg/m."""
-        if self.mass_per_length is None:
-            raise ValueError("Section.mass_per_length: expected kg/m, found None")
-        return positive(
-            f"Section.mass_per_length at xi = {xi}", _at(self, "mass_per_length", xi), zero=True
-        )
+        return self._needed("mass_per_length", "kg/m")(xi)
+
+    def inertia_at(self, xi: float) -> AnyExpr:
+        """Inertia per length (3, 3) about the centre of mass, kg m, local axes."""
+        return self._needed("inertia", "shape (3, 3), kg m")(xi)
 
     def center_of_mass_at(self, xi: float) -> AnyExpr:
         """Centre of mass (3, 1) from the reference curve, m, local axes."""
-        return expression("Section.center_of_mass", _at(self, "center_of_mass", xi), (3, 1))
+        return self._quantities["center_of_mass"](xi)
 
-
-@dataclass(frozen=True, eq=False)
-class _Entry:
-    """One entry of a stiffness that varies along the span."""
-
-    stiffness: Any
-    row: int
-    column: int
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        return tuple(getattr(self.stiffness, "breaks", ()))
-
-    def __call__(self, xi: float) -> AnyExpr:
-        matrix = symmetric(f"stiffness at xi = {xi}", self.stiffness(xi), definite=True)
-        return matrix[self.row, self.column]
+    def _needed(self, name: str, expected: str) -> Along:
+        if name not in self._quantities:
+            raise ValueError(f"Section.{name}: expected {expected}, found None")
+        return self._quantities[name]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -194,17 +147,11 @@ def symmetric(name: str, value: Number, *, size: int = 3, definite: bool = False
     return matrix
 
 
-def _check(section: Section, name: str, check: Any) -> None:
-    value = getattr(section, name)
-    if not callable(value):
-        check(f"Section.{name}", value)
-
-
-def _at(section: Section, name: str, xi: float) -> Number:
-    value = getattr(section, name)
-    if not callable(value):
-        return value
-    found = value(xi)
-    if name in RIGIDITIES:
-        return positive(f"Section.{name} at xi = {xi}", found)
-    return found
+#: What the fields of a section that may vary along the span must fulfil.
+_CHECKS: dict[str, Check] = {
+    **dict.fromkeys(RIGIDITIES, positive),
+    **dict.fromkeys(COUPLINGS, scalar),
+    "mass_per_length": partial(positive, zero=True),
+    "inertia": symmetric,
+    "center_of_mass": vector,
+}

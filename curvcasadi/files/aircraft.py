@@ -17,8 +17,8 @@ import numpy as np
 from curvcasadi.aero import ControlSurface, ExponentialTipLoss, StripAerodynamics
 from curvcasadi.aero.strip import QUANTITIES, coefficients
 from curvcasadi.aircraft.parts import Aircraft, LiftingSurface, RigidBody, Thrust, Wing, mirror_wing
+from curvcasadi.beam.along import Steps
 from curvcasadi.beam.beam import Beam
-from curvcasadi.beam.section import Steps
 from curvcasadi.files import toml_reader as toml
 from curvcasadi.files import wing as wing_file
 from curvcasadi.files.loads import read_load

@@ -10,12 +10,12 @@ from collections.abc import Collection, Mapping
 from itertools import pairwise
 from typing import Any
 
+from curvcasadi.beam.along import Steps
 from curvcasadi.beam.section import (
     COUPLINGS,
     RIGIDITIES,
     Body,
     Section,
-    Steps,
     condense_axial,
     symmetric,
 )

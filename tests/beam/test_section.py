@@ -78,12 +78,6 @@ def test_stiffness_symbols_and_functions_of_symbols(symbolic):
     assert_array_equal(f(COUPLED).full(), 1.5 * COUPLED)
 
 
-def test_steps_take_the_value_of_their_interval():
-    steps = cc.Steps([0, 0.25, 0.5, 1], [1, [2], "three"])
-    assert [steps(x) for x in (0, 0.2, 0.25, 0.3, 0.5, 1)] == [1, 1, [2], [2], "three", "three"]
-    assert steps.breaks == (0.25, 0.5)
-
-
 def test_axial_strain_is_condensed_as_a_minimum_of_the_energy():
     rng = np.random.default_rng(3)
     half = rng.normal(size=(4, 4))

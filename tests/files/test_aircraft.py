@@ -8,7 +8,7 @@ import pytest
 
 from curvcasadi.aero import ExponentialTipLoss
 from curvcasadi.aircraft.trim import trim
-from curvcasadi.beam.section import Steps
+from curvcasadi.beam.along import Steps
 from curvcasadi.files import load_beam
 from curvcasadi.files.aircraft import load_aircraft
 from curvcasadi.loads.kinds import PointForce

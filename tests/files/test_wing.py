@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from curvcasadi.beam.along import Steps
 from curvcasadi.beam.families import (
     BSpline,
     CantileverModes,
@@ -19,7 +20,7 @@ from curvcasadi.beam.families import (
     PiecewiseConstant,
     Tabulated,
 )
-from curvcasadi.beam.section import Section, Steps, condense_axial
+from curvcasadi.beam.section import Section, condense_axial
 from curvcasadi.files import (
     FAMILIES,
     SHAPE_COLUMNS,

@@ -1,6 +1,18 @@
-"""Steady aerodynamics of wings, strip by strip."""
+"""Aerodynamics of wings, strip by strip: steady, unsteady, in gusts, with induced flow."""
 
 from curvcasadi.aero.airload import AerodynamicLoad, Flow, StripForces, strip_forces
+from curvcasadi.aero.gust import (
+    GustEntry,
+    GustField,
+    OneMinusCosine,
+    SampledGust,
+    StepGust,
+    Turbulence,
+    frozen_gust,
+    kussner,
+)
+from curvcasadi.aero.induced import LiftingLine
+from curvcasadi.aero.lag_states import IndicialLag
 from curvcasadi.aero.strip import ControlSurface, ExponentialTipLoss, StripAerodynamics, mirror_aero
 
 __all__ = [
@@ -8,8 +20,18 @@ __all__ = [
     "ControlSurface",
     "ExponentialTipLoss",
     "Flow",
+    "GustEntry",
+    "GustField",
+    "IndicialLag",
+    "LiftingLine",
+    "OneMinusCosine",
+    "SampledGust",
+    "StepGust",
     "StripAerodynamics",
     "StripForces",
+    "Turbulence",
+    "frozen_gust",
+    "kussner",
     "mirror_aero",
     "strip_forces",
 ]

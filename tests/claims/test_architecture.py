@@ -41,7 +41,8 @@ EXEMPT = {"__init__", "__main__"}
 
 #: Where branches may stand. That of estimation takes zero for a missing sample, which is NaN; it
 #: guards no singularity, and is never differentiated.
-BRANCHED = {"lie/so3.py", "kinematics/element.py", "aero/airload.py", "estimation/ud.py"}
+BRANCHED = {"lie/so3.py", "kinematics/element.py", "aero/section.py", "estimation/ud.py"}
+BRANCHED |= {"aero/airload.py", "aero/gust.py"}  # no derivative in still air; gusts begin and end
 BRANCHED |= {"sensors/station.py"}  # the same for the slopes of a missing attitude
 BRANCHED |= {"estimation/samples.py"}  # the same for windows of samples
 

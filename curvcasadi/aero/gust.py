@@ -1,0 +1,295 @@
+"""Gusts: how the air moves, and how strips meet it.
+
+A gust is a velocity of the air beside the steady wind of `Flow`. It reaches the leading edge of a
+strip first: Küssner's function ψ(s) = 1 − ½ exp(−0.13 s) − ½ exp(−s) of the half chords travelled
+says how much of it the lift has followed. Entry states do the same,
+
+    dg_i/dt = κ_i W/b (u_g − g_i),      u_e gains Σ B_i g_i
+
+with u_g, what the gust adds to the velocity u of the strip. One entry lag of rate W/b in front of
+the lag states of the circulation is nearly as good, for one state less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from curvcasadi.aero.lag_states import Poles
+from curvcasadi.symbolic.expressions import (
+    AnyExpr,
+    Array,
+    Number,
+    choice,
+    count,
+    expression,
+    is_numeric,
+    numbers,
+    positive,
+)
+
+#: Küssner's function by two poles (R. T. Jones).
+KUSSNER = Poles(np.array([0.5, 0.5]), np.array([0.13, 1.0]))
+#: Rate of the single entry lag in front of the lag states of the circulation.
+ENTRY_RATE = 1.0
+
+Component = Literal["vertical", "lateral", "longitudinal"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OneMinusCosine:
+    """The discrete gust of the airworthiness codes, w = ½ amplitude (1 − cos(2 π t/duration)).
+
+    Attributes
+    ----------
+    amplitude : number or symbol
+        Largest velocity of the air, m/s; upward where it is positive.
+    duration : number or symbol
+        From the beginning to the end of the gust, s.
+    start : number or symbol
+        When it begins, s.
+    """
+
+    amplitude: Number
+    duration: Number
+    start: Number = 0.0
+
+    def __post_init__(self) -> None:
+        expression("OneMinusCosine.amplitude", self.amplitude, (1, 1))
+        positive("OneMinusCosine.duration", self.duration)
+        expression("OneMinusCosine.start", self.start, (1, 1))
+
+    def __call__(self, time: Number) -> AnyExpr:
+        """Velocity of the air at `time`, s: m/s upward, a scalar of the kind of `time`."""
+        phase = (time - self.start) / self.duration
+        inside = ca.logic_and(phase >= 0, phase <= 1)
+        return ca.if_else(inside, self.amplitude / 2 * (1 - ca.cos(2 * np.pi * phase)), 0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StepGust:
+    """A gust that is there from a moment on.
+
+    Attributes
+    ----------
+    amplitude : number or symbol
+        Velocity of the air, m/s; upward where it is positive.
+    start : number or symbol
+        When it begins, s.
+    """
+
+    amplitude: Number
+    start: Number = 0.0
+
+    def __post_init__(self) -> None:
+        expression("StepGust.amplitude", self.amplitude, (1, 1))
+        expression("StepGust.start", self.start, (1, 1))
+
+    def __call__(self, time: Number) -> AnyExpr:
+        """Velocity of the air at `time`, s: m/s upward, a scalar of the kind of `time`."""
+        return ca.if_else(time >= self.start, self.amplitude, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class GustField:
+    """Velocity of the air as a function of position and time.
+
+    Attributes
+    ----------
+    function : callable
+        `function(position, time)` with the position (3, 1), m, inertial axes (north, east, down),
+        and the time, s, both SX, MX or DM; it returns the velocity (3, 1), m/s, inertial axes.
+    """
+
+    function: Callable[[AnyExpr, AnyExpr], AnyExpr]
+
+    def __post_init__(self) -> None:
+        if not callable(self.function):
+            raise ValueError(
+                "GustField.function: expected a function of position and time, "
+                f"found {self.function!r}"
+            )
+
+    def __call__(self, position: AnyExpr, time: Number) -> AnyExpr:
+        """Velocity of the air, (3, 1), m/s, inertial axes."""
+        return expression("GustField", self.function(position, time), (3, 1))
+
+
+def frozen_gust(profile: Callable[[AnyExpr], AnyExpr], speed: float) -> GustField:
+    """A gust that stands still in the air: who flies north at `speed` meets `profile` in time.
+
+    Parameters
+    ----------
+    profile : callable
+        Velocity upward, m/s, as a function of time, s, such as a `OneMinusCosine`.
+    speed : float
+        Speed that turns distance north into time, m/s.
+    """
+    speed = float(positive("speed", speed))
+
+    def velocity(position: AnyExpr, time: Number) -> AnyExpr:
+        return ca.vertcat(0, 0, -profile(position[0] / speed))
+
+    return GustField(velocity)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GustEntry:
+    """How the lift of a strip follows a gust that enters it at the leading edge.
+
+    Attributes
+    ----------
+    kind : "kussner", "lag" or "none"
+        Küssner's two states; one lag in front of the lag states of the circulation; or a gust that
+        is on the whole chord at once.
+    modes : int or None
+        Number of Legendre functions along the span that carry the states; None for a set per
+        aerodynamic station.
+    """
+
+    kind: Literal["kussner", "lag", "none"] = "kussner"
+    modes: int | None = 3
+
+    def __post_init__(self) -> None:
+        choice("GustEntry.kind", self.kind, ("kussner", "lag", "none"))
+        if self.modes is not None:
+            count("GustEntry.modes", self.modes)
+
+    @property
+    def poles(self) -> Poles:
+        """Amplitudes and rates of the entry states; none where the gust is there at once."""
+        none = Poles(np.zeros(0), np.zeros(0))
+        lag = Poles(np.ones(1), np.array([ENTRY_RATE]))
+        return {"kussner": KUSSNER, "lag": lag, "none": none}[self.kind]
+
+
+def kussner(s: ArrayLike) -> Array:
+    """Küssner's function ψ(s): lift over its final value, s half chords after a gust's edge."""
+    decay = np.exp(-np.multiply.outer(numbers("s", s), KUSSNER.rates))
+    return np.asarray(1 - decay @ KUSSNER.amplitudes)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Turbulence:
+    """Continuous turbulence of the military specifications, one component of it.
+
+    With Ω = ω/speed and L the scale, power spectra over ω from 0 to ∞ whose integral is intensity²:
+
+        Dryden, across:      σ² L/(π V) (1 + 3 (L Ω)²)/(1 + (L Ω)²)²
+        Dryden, along:       2 σ² L/(π V)/(1 + (L Ω)²)
+        von Kármán, across:  σ² L/(π V) (1 + 8/3 (1.339 L Ω)²)/(1 + (1.339 L Ω)²)^(11/6)
+        von Kármán, along:   2 σ² L/(π V)/(1 + (1.339 L Ω)²)^(5/6)
+
+    Attributes
+    ----------
+    intensity : float
+        Root mean square σ of the velocity, m/s.
+    scale : float
+        Scale length L, m.
+    speed : float
+        Speed at which the turbulence is crossed, m/s.
+    model : "dryden" or "von_karman"
+        Which spectrum.
+    component : "vertical", "lateral" or "longitudinal"
+        The component of the velocity; the first two have the spectrum across.
+    """
+
+    intensity: float
+    scale: float
+    speed: float
+    model: Literal["dryden", "von_karman"] = "dryden"
+    component: Component = "vertical"
+
+    def __post_init__(self) -> None:
+        positive("Turbulence.intensity", self.intensity, zero=True)
+        positive("Turbulence.scale", self.scale)
+        positive("Turbulence.speed", self.speed)
+        choice("Turbulence.model", self.model, ("dryden", "von_karman"))
+        choice("Turbulence.component", self.component, ("vertical", "lateral", "longitudinal"))
+
+    def spectrum(self, omega: ArrayLike) -> Array:
+        """Power spectrum, (m/s)²/(rad/s), at frequencies `omega` not below zero, rad/s."""
+        frequency = numbers("omega", omega)
+        stretch = 1.0 if self.model == "dryden" else 1.339
+        x = (stretch * self.scale / self.speed * frequency) ** 2
+        level = self.intensity**2 * self.scale / (np.pi * self.speed)
+        if self.component == "longitudinal":
+            return np.asarray(2 * level / (1 + x) ** (1 if self.model == "dryden" else 5 / 6))
+        if self.model == "dryden":
+            return np.asarray(level * (1 + 3 * x) / (1 + x) ** 2)
+        return np.asarray(level * (1 + 8 / 3 * x) / (1 + x) ** (11 / 6))
+
+    def sample(self, *, duration: float, dt: float, seed: int) -> SampledGust:
+        """A history of the velocity whose spectrum is that of the turbulence.
+
+        Harmonics of 2 π/duration with random phases: the history has the period `duration`, and
+        its mean square is that of the spectrum between the lowest harmonic and π/dt.
+
+        Parameters
+        ----------
+        duration, dt : float
+            Length of the history and interval of its samples, s.
+        seed : int
+            Of the random phases.
+        """
+        period, step = positive("duration", duration), positive("dt", dt)
+        n = round(period / step)
+        if n < 2 or abs(n * step - period) > 1e-6 * period:
+            raise ValueError(
+                f"duration: expected two or more whole intervals dt = {dt}, found {duration}"
+            )
+        spacing = 2 * np.pi / period
+        omega = spacing * np.arange(1, (n - 1) // 2 + 1)
+        phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, len(omega))
+        amplitudes = np.sqrt(2 * self.spectrum(omega) * spacing)
+        line = np.zeros(n // 2 + 1, dtype=complex)
+        line[1 : len(omega) + 1] = amplitudes * np.exp(1j * phases) * n / 2
+        return SampledGust(times=step * np.arange(n), velocities=np.fft.irfft(line, n))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SampledGust:
+    """A gust from samples in time, linear between them, periodic beyond them.
+
+    Attributes
+    ----------
+    times : ndarray, shape (N,)
+        Equally spaced from zero, s.
+    velocities : ndarray, shape (N,)
+        Velocities of the air, m/s; upward where they are positive.
+    """
+
+    times: Array
+    velocities: Array
+    _table: Any = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        times, velocities = (
+            numbers(f"SampledGust.{name}", getattr(self, name)) for name in ("times", "velocities")
+        )
+        if times.ndim != 1 or len(times) < 2 or times[0] != 0 or np.any(np.diff(times) <= 0):
+            raise ValueError(
+                f"SampledGust.times: expected two or more increasing numbers from 0, found {times}"
+            )
+        if not np.allclose(np.diff(times), times[1], rtol=1e-6):
+            raise ValueError(f"SampledGust.times: expected equal intervals, found {times}")
+        if velocities.shape != times.shape:
+            raise ValueError(
+                f"SampledGust.velocities: expected shape {times.shape}, found {velocities.shape}"
+            )
+        ends = np.append(times, times[-1] + times[1])
+        table = ca.interpolant("gust", "linear", [ends], np.append(velocities, velocities[0]))
+        for name, value in (("times", times), ("velocities", velocities), ("_table", table)):
+            object.__setattr__(self, name, value)
+
+    def __call__(self, time: Number) -> AnyExpr:
+        """Velocity of the air at `time`, s, a number or an MX: m/s upward."""
+        period = float(self.times[-1] + self.times[1])
+        if is_numeric(time):
+            return float(self._table(float(time) % period))
+        return self._table(ca.fmod(ca.fmod(time, period) + period, period))

@@ -12,6 +12,7 @@ from curvcasadi.aero import StripForces
 from curvcasadi.aircraft.trim_problem import BALANCES, LATERAL, TOLERANCE, TrimProblem
 from curvcasadi.beam.beam import Beam
 from curvcasadi.kinematics.shape import Shape, shape_map, unchecked_shape
+from curvcasadi.solvers.active import active_bounds
 from curvcasadi.symbolic.expressions import Array
 from curvcasadi.symbolic.text import table
 
@@ -69,18 +70,29 @@ def wing_shape(beam: Beam, q: ca.DM, trimmed: bool) -> Shape:
     return shape_map(beam, q) if trimmed else unchecked_shape(beam, q)
 
 
-def active_bounds(problem: TrimProblem, x: Array, bounds: tuple[Array, Array]) -> tuple[str, ...]:
-    """Bounds that hold a free angle, input or weight."""
+def bounds_that_hold(
+    problem: TrimProblem, x: Array, bounds: tuple[Array, Array], weight: float
+) -> tuple[str, ...]:
+    """Bounds that hold a free angle, input or weight, in words."""
+    inputs = problem.aircraft.inputs
+    units = [inputs.get(name, "rad") for name in problem.names]
+    scales = [weight if unit == "N" else 1.0 for unit in units]
     names = [*problem.names]
     for wing in problem.aircraft.beams:
         names += [f"{wing.name} q[{i}] ({label})" for i, label in enumerate(wing.beam.basis.labels)]
-    active = []
-    for name, value, low, high in zip(names, x, *bounds, strict=True):
-        if low < high and value - low < 1e-5 * max(1.0, abs(low)):
-            active.append(f"{name} at its lower bound")
-        elif low < high and high - value < 1e-5 * max(1.0, abs(high)):
-            active.append(f"{name} at its upper bound")
-    return tuple(active)
+        units += ["rad/m"] * wing.beam.basis.n
+        scales += [1 / problem.length] * wing.beam.basis.n
+    free = np.flatnonzero(bounds[0] < bounds[1])
+    active = active_bounds(
+        [names[i] for i in free],
+        x[free],
+        (bounds[0][free], bounds[1][free]),
+        tolerance=1e-5,
+        least=1.0,
+        scales=np.array(scales)[free],
+        units=[units[i] for i in free],
+    )
+    return tuple(active.values())
 
 
 def failure_message(

@@ -22,7 +22,12 @@ from curvcasadi.aircraft.trim_problem import (
     at_root,
     bounds_of,
 )
-from curvcasadi.aircraft.trim_result import TrimResult, active_bounds, failure_message, wing_shape
+from curvcasadi.aircraft.trim_result import (
+    TrimResult,
+    bounds_that_hold,
+    failure_message,
+    wing_shape,
+)
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.symbolic.expressions import Array, choice, expression, positive
 
@@ -214,7 +219,7 @@ class TrimSolver:
         q = {wing.name: found[wing.name] for wing in aircraft.beams}
         on_body = ca.horzsplit(wrenches)[len(problem.rigid) :]
         scales = p[-1] * np.repeat([1.0, problem.arm], 3)
-        active = active_bounds(problem, x, bounds)
+        active = bounds_that_hold(problem, x, bounds, p[-1])
         edges = np.cumsum([1, *problem.sizes])
         left = {
             wing.name: float(np.max(np.abs(residuals.full()[a:b])) * p[-1] * problem.length**2)

@@ -10,7 +10,6 @@ import numpy as np
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.estimation import ud
-from curvcasadi.estimation.process import offsets
 from curvcasadi.estimation.samples import numeric_array
 from curvcasadi.estimation.sensor_model import covariance_matrix
 from curvcasadi.kinematics.weights import checked_weights
@@ -53,11 +52,11 @@ def initial_belief(
         if part.name not in deviation:
             raise ValueError(f"deviation: expected {part.name!r}, {part.unit}; not found")
     covariance = np.zeros((error.size, error.size))
-    for name, where in offsets(error).items():
+    for name, where in error.slices.items():
         size = where.stop - where.start
         covariance[where, where] = covariance_matrix(f"deviation[{name!r}]", deviation[name], size)
     found = np.concatenate([_mean(part.name, part.size, means) for part in state.parts])
-    checked_weights(beam, ca.DM(found[offsets(state)["q"]]), "mean['q']")
+    checked_weights(beam, ca.DM(found[state.slices["q"]]), "mean['q']")
     return found, ud.factor_of(covariance)
 
 

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import casadi as ca
-import numpy as np
 
 from curvcasadi.estimation import ud
 from curvcasadi.lie import so3
@@ -73,13 +72,6 @@ class Process:
         return Layout(tuple(parts))
 
 
-def offsets(layout: Layout) -> dict[str, slice]:
-    """Where the parts of a vector stand, by name."""
-    ends = np.cumsum([part.size for part in layout.parts]).tolist()
-    pairs = zip(layout.parts, ends, strict=True)
-    return {part.name: slice(end - part.size, end) for part, end in pairs}
-
-
 def predict_function(name: str, process: Process) -> ca.Function:
     """(state, factor, dt and, with the attitude, rate) -> state_after, factor_after.
 
@@ -112,7 +104,7 @@ def _transition(process: Process) -> ca.Function:
     state, dt, rate = ca.SX.sym("state", layout.size), ca.SX.sym("dt"), ca.SX.sym("rate", 3)
     factor = ca.SX.sym("factor", ca.Sparsity.upper(error.size))
     d, unit = ca.diag(factor), _with_diagonal(factor, ca.SX.ones(error.size))
-    at = offsets(error)
+    at = error.slices
     parts: dict[str, AnyExpr] = layout.split(state)
     rows = unit[:, :]
     if process.kind == "white_acceleration":
@@ -157,7 +149,7 @@ def _noise(process: Process, dt: ca.MX) -> list[tuple[ca.MX, ca.MX]]:
     """
     root = ca.sqrt(dt)
     error = process.error
-    at = offsets(error)
+    at = error.slices
     unit = _unit_vectors(error.size)
     found = []
     for k, density in enumerate(process.density):

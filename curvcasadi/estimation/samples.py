@@ -9,7 +9,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from curvcasadi.estimation.process import offsets
 from curvcasadi.sensors import AttitudeSensor, Channels, Sensor, sensor_channels
 from curvcasadi.sensors.station import is_rotation
 from curvcasadi.symbolic.expressions import (
@@ -69,7 +68,7 @@ def attitudes_function(sensors: Sequence[Sensor]) -> ca.Function:
 
 def missing_residuals(channels: Channels, values: Array) -> NDArray[np.bool_]:
     """Which residuals (r,) `values` (m,) have no sample of: of an attitude all three or none."""
-    where, found = offsets(channels.layout), [np.zeros(0, bool)]
+    where, found = channels.layout.slices, [np.zeros(0, bool)]
     for part, residual in zip(channels.layout.parts, channels.residual_layout.parts, strict=True):
         given = values[where[part.name]]
         if part.size == residual.size:

@@ -15,6 +15,7 @@ from curvcasadi.kinematics.shape import Shape, shape_map
 from curvcasadi.ocp.limits import Regularizer
 from curvcasadi.ocp.reach_solvers import Hessian, ReachProblem, ReachSolvers, reach_problem
 from curvcasadi.ocp.targets import TOLERANCE, Target, checked_problem
+from curvcasadi.solvers.active import active_bounds
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
@@ -158,16 +159,10 @@ def _active_bounds(beam: Beam, problem: ReachProblem, q: Array) -> tuple[str, ..
     limits = problem.limits
     values = ca.Function("limits", [problem.q], [limits.expression])(q).full().ravel()
     names = [f"q[{i}] ({label})" for i, label in enumerate(beam.basis.labels)]
-    sides = [*zip(names, q, *problem.bounds, strict=True)]
-    sides += [*zip(limits.names, values, limits.lower, limits.upper, strict=True)]
-    active = []
-    for name, value, lower, upper in sides:
-        margin = 1e-4 * sum(abs(side) for side in (lower, upper) if np.isfinite(side))
-        if value > upper - margin:
-            active.append(f"{name} at its upper bound {upper:g}")
-        elif value < lower + margin:
-            active.append(f"{name} at its lower bound {lower:g}")
-    return tuple(active)
+    sides = zip(problem.bounds, (limits.lower, limits.upper), strict=True)
+    lower, upper = (np.concatenate(side) for side in sides)
+    at = [*names, *limits.names], np.concatenate([q, values]), (lower, upper)
+    return tuple(active_bounds(*at, tolerance=1e-4).values())
 
 
 def _why_missed(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -46,6 +47,13 @@ class Layout:
         )
 
     @property
+    def slices(self) -> dict[str, slice]:
+        """Where each part stands in the vector, by name."""
+        ends = np.cumsum([part.size for part in self.parts]).tolist()
+        pairs = zip(self.parts, ends, strict=True)
+        return {part.name: slice(end - part.size, end) for part, end in pairs}
+
+    @property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds (size,)."""
         lower, upper = (
@@ -62,9 +70,9 @@ class Layout:
     def split(self, vector: Expr) -> dict[str, Expr]:
         """The parts (size, 1) of a vector (self.size, 1), by name."""
         column = expression("vector", vector, (self.size, 1))
-        offsets = np.cumsum([0, *(part.size for part in self.parts)]).tolist()
-        pieces = ca.vertsplit(column, offsets) if self.parts else []
-        return {part.name: piece for part, piece in zip(self.parts, pieces, strict=True)}
+        edges: Any = [0, *(where.stop for where in self.slices.values())]
+        pieces = ca.vertsplit(column, edges) if self.parts else []
+        return dict(zip(self.slices, pieces, strict=True))
 
     def join(self, parts: Mapping[str, Expr]) -> Expr:
         """The vector (self.size, 1) of named parts.

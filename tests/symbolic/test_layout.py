@@ -29,6 +29,14 @@ def test_split_cuts_a_vector_into_its_parts(layout, evaluate):
         assert_allclose(part, np.reshape(expected, (-1, 1)), rtol=0)  # copies
 
 
+def test_slices_say_where_the_parts_stand(layout):
+    assert layout.slices == {
+        "position": slice(0, 3),
+        "rate": slice(3, 5),
+        "speed": slice(5, 6),
+    }
+
+
 def test_join_undoes_split_in_any_order_of_names(layout, evaluate):
     vector = np.random.default_rng(0).normal(size=6)
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from curvcasadi.estimation.process import offsets
 from curvcasadi.sensors import Channels
 from curvcasadi.symbolic.expressions import Array
 
@@ -50,7 +49,7 @@ class Tally:
         """Rows, seen, used and squares by sensor."""
         counts = np.array([self.rows, self.seen, self.used, self.squares])
         found = {}
-        for name, where in offsets(self.channels.residual_layout).items():
+        for name, where in self.channels.residual_layout.slices.items():
             rows, seen, used, squares = counts[:, where].sum(axis=1).tolist()
             found[name] = int(rows), int(seen), int(used), float(squares)
         return found

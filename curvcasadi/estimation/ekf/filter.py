@@ -18,7 +18,6 @@ from curvcasadi.estimation.process import (
     PROCESSES,
     Process,
     ProcessName,
-    offsets,
     predict_function,
 )
 from curvcasadi.estimation.samples import numeric_array
@@ -116,7 +115,7 @@ class ShapeEkf:
 
     def part(self, estimate: Estimate, name: str) -> Array:
         """A part of the state of an estimate, (size,)."""
-        where = offsets(self.layout)
+        where = self.layout.slices
         choice("name", name, list(where))
         return estimate.state[where[name]]
 
@@ -125,7 +124,7 @@ class ShapeEkf:
 
         That of "q" makes standard deviations along the span by `shape_deviations`.
         """
-        where = offsets(self.error_layout)
+        where = self.error_layout.slices
         choice("name", name, list(where))
         return estimate.covariance[where[name], where[name]]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.estimation.process import Process, offsets
+from curvcasadi.estimation.process import Process
 from curvcasadi.sensors import AttitudeSensor, Channels, RateGyro, RootMotion, Sensor
 from curvcasadi.sensors.readout import Readout
 from curvcasadi.symbolic.expressions import AnyExpr, Array
@@ -97,7 +97,7 @@ class Readings:
             given[name] -= parts["gyro_bias"][where]
         blocks = dict(zip(given, readout.rows(given, columns, q_ddot), strict=True))
         for name, where in own.items():
-            start = first + offsets(process.error)["gyro_bias"].start + where.start
+            start = first + process.error.slices["gyro_bias"].start + where.start
             for k, row in enumerate(blocks[name]):
                 by_bias = ca.DM(row.numel(), 1)
                 by_bias[start + k] = 1

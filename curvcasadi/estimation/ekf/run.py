@@ -9,7 +9,6 @@ import numpy as np
 
 from curvcasadi.estimation.belief import check_start
 from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf
-from curvcasadi.estimation.process import offsets
 from curvcasadi.estimation.samples import (
     input_values,
     missing_residuals,
@@ -85,7 +84,7 @@ def _step(
     )
     innovation, used = (found[key].full()[:, 0] for key in ("innovation", "used"))
     innovation[missing_residuals(ekf.channels, values)] = np.nan
-    for rows in offsets(ekf.channels.residual_layout).values():
+    for rows in ekf.channels.residual_layout.slices.values():
         if not np.any(used[rows]) and not np.any(innovation[rows]):
             innovation[rows] = np.nan  # out of a camera's view: a gated one has an innovation
     return Estimate(

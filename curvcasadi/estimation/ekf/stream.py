@@ -12,7 +12,6 @@ import numpy as np
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf
-from curvcasadi.estimation.process import offsets
 from curvcasadi.sensors import Marker, measurement_function
 from curvcasadi.symbolic.expressions import Array
 
@@ -67,7 +66,7 @@ def _shown(
 ) -> tuple[tuple[str, ...], ca.MX]:
     size = ekf.error_layout.size
     d, unit = ca.diag(factor), ca.triu(ca.densify(factor), False) + ca.DM.eye(size)
-    of_state, of_error = offsets(ekf.layout), offsets(ekf.error_layout)
+    of_state, of_error = ekf.layout.slices, ekf.error_layout.slices
     columns: list[str] = []
     shown: list[ca.MX] = []
 

@@ -26,6 +26,7 @@ from curvcasadi.estimation.sensor_model import (
 from curvcasadi.kinematics.weights import exceeded_limit
 from curvcasadi.sensors import RootMotion, Sensor
 from curvcasadi.sensors.measurement import check_in_view
+from curvcasadi.solvers.active import active_bounds
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
@@ -249,7 +250,8 @@ def _result(problem: _Problem, best: Minimum, iterations: int) -> ShapeFit:
     seen = problem.observability(slope)
     known = problem.observability(np.vstack([slope, prior_slope]))
 
-    active = _active_bounds(beam, q)
+    labels = beam.basis.labels
+    active = active_bounds(labels, q, beam.bounds, tolerance=1e-9, units=["rad/m"] * q.size)
     moved = np.linalg.matrix_rank(known.seen[[i not in active for i in range(q.size)]])
     squares = float(residual @ residual + prior_residual @ prior_residual)
     freedom = residual.size + prior_residual.size - int(moved)
@@ -290,14 +292,3 @@ def _result(problem: _Problem, best: Minimum, iterations: int) -> ShapeFit:
         iterations=iterations,
         message=message,
     )
-
-
-def _active_bounds(beam: Beam, q: Array) -> dict[int, str]:
-    """Weights at a bound, in words, by index."""
-    active = {}
-    for i, (value, lower, upper) in enumerate(zip(q, *beam.bounds, strict=True)):
-        margin = 1e-9 * (upper - lower)
-        for side, bound in (("lower", lower), ("upper", upper)):
-            if np.isfinite(margin) and abs(value - bound) <= margin:
-                active[i] = f"{beam.basis.labels[i]} at its {side} bound {bound:g} rad/m"
-    return active

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal, cast
+from typing import Literal, Protocol, cast, get_args
 
+import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.quadrature import GridKind, Panel, lobatto_points, panels_between
@@ -13,11 +14,58 @@ from curvcasadi.symbolic.expressions import Array, Real, choice, count, numbers
 
 RuleName = Literal["trapezoid", "midpoint", "magnus4", "magnus6"]
 ExponentialName = Literal["series", "rodrigues", "small_angle_sine", "small_angle"]
-RULES = ("trapezoid", "midpoint", "magnus4", "magnus6")
-EXPONENTIALS = ("series", "rodrigues", "small_angle_sine", "small_angle")
 
 #: Stations closer than this are one station.
 COINCIDENT = 1e-12
+
+
+class ElementRule(Protocol):
+    """How the curvatures of an element make its strain; `Grid.rule` takes any such object.
+
+    A rule turns the curvatures K_i at its points into moments M_k = h Σ_i W_ki K_i, and the element
+    length h and its moments into one strain ξ = (θ, v), the 6-vector whose exponential is the
+    element. Moments are linear in the curvature, so a basis enters an element through its moments
+    alone. The object is hashed: it must not change.
+
+    Attributes
+    ----------
+    points : tuple of float
+        Stations within the element, in [0, 1].
+    weights : tuple of tuple of float
+        W, a row per moment, a column per point.
+    order : int
+        Of the error of a pose, over the element length.
+    """
+
+    @property
+    def points(self) -> tuple[float, ...]: ...
+
+    @property
+    def weights(self) -> tuple[tuple[float, ...], ...]: ...
+
+    @property
+    def order(self) -> int: ...
+
+    def __hash__(self) -> int: ...
+
+    def strain(self, h: ca.SX, moments: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Strain of an element.
+
+        Parameters
+        ----------
+        h : SX, shape (1, 1)
+            Element length, m.
+        moments : SX, shape (3, m)
+            Moments of the curvature, rad, one per row of `weights`.
+
+        Returns
+        -------
+        theta : SX, shape (3, 1)
+            Rotation vector of the element, rad, local axes of its start.
+        v : SX, shape (3, 1)
+            Translation part of the strain, m; h e_x where the element is straight.
+        """
+        ...
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,15 +78,16 @@ class Grid:
     boundaries: Array | None = None  #: (N + 1,) increasing from 0 to 1, for a custom grid
     kind: GridKind = "custom"
     elements: int | None = None  #: number of elements of the beam; of a custom grid None
-    rule: RuleName = "magnus4"  #: curvatures of an element to its strain; orders 2, 2, 4, 6
+    #: curvatures of an element to its strain; orders 2, 2, 4, 6; or a rule of the user's
+    rule: RuleName | ElementRule = "magnus4"
     exponential: ExponentialName = "series"  #: exact by default; the others are the paper's
     max_angle: float = 1.0  #: largest angle that one element may turn, rad
     real: Real = "double"  #: arithmetic that the polynomials are made for
 
     def __post_init__(self) -> None:
         choice("Grid.kind", self.kind, ("uniform", "lobatto", "custom"))
-        choice("Grid.rule", self.rule, RULES)
-        choice("Grid.exponential", self.exponential, EXPONENTIALS)
+        _check_rule(self.rule)
+        choice("Grid.exponential", self.exponential, get_args(ExponentialName))
         choice("Grid.real", self.real, ("double", "float"))
         if not 0 < float(numbers("Grid.max_angle", self.max_angle)) <= np.pi:
             raise ValueError(
@@ -72,7 +121,7 @@ class Grid:
         cls,
         n: int,
         *,
-        rule: RuleName = "magnus4",
+        rule: RuleName | ElementRule = "magnus4",
         exponential: ExponentialName = "series",
         max_angle: float = 1.0,
         real: Real = "double",
@@ -92,7 +141,7 @@ class Grid:
         cls,
         n: int,
         *,
-        rule: RuleName = "magnus4",
+        rule: RuleName | ElementRule = "magnus4",
         exponential: ExponentialName = "series",
         max_angle: float = 1.0,
         real: Real = "double",
@@ -135,6 +184,21 @@ class Grid:
         See `quadrature.panels_between` for the weights.
         """
         return panels_between(self.kind, self.stations(breaks, least), breaks)
+
+
+def _check_rule(rule: RuleName | ElementRule) -> None:
+    if isinstance(rule, str) or not hasattr(rule, "strain"):
+        choice("Grid.rule", rule, get_args(RuleName))
+        return
+    points, weights = numbers("Grid.rule.points", rule.points), rule.weights
+    if points.ndim != 1 or not len(points) or points.min() < 0 or points.max() > 1:
+        raise ValueError(f"Grid.rule.points: expected numbers in [0, 1], found {points.tolist()}")
+    if numbers("Grid.rule.weights", weights).shape != (len(weights), len(points)):
+        raise ValueError(
+            f"Grid.rule.weights: expected {len(points)} numbers a row, one per point, "
+            f"found {weights!r}"
+        )
+    count("Grid.rule.order", rule.order)
 
 
 def _uniform_points(n: int) -> Array:

@@ -85,12 +85,13 @@ def _described(wrapper: Wrapper) -> dict[str, Any]:
 
 
 def _limits(beam: Beam) -> Mapping[str, Any]:
+    rule = beam.grid.rule
     lower, upper = (_finite(side.tolist()) for side in beam.bounds)
     return {
         "lower": lower,
         "upper": upper,
         "elements": beam.grid.elements,
-        "rule": beam.grid.rule,
+        "rule": rule if isinstance(rule, str) else type(rule).__name__,
         "largest_element_angle": _finite([float(np.max(largest_element_angles(beam)))])[0],
         "allowed_element_angle": beam.grid.max_angle,
     }

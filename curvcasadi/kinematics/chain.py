@@ -17,10 +17,10 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.beam.grid import COINCIDENT
+from curvcasadi.beam.grid import COINCIDENT, ElementRule, ExponentialName
 from curvcasadi.beam.pose import Pose, unpack_pose
 from curvcasadi.kinematics import element
-from curvcasadi.kinematics.rules import RULES
+from curvcasadi.kinematics.rules import rule_of
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
@@ -37,8 +37,8 @@ class Pattern(NamedTuple):
     share a slot, so channels of one family share their data.
     """
 
-    rule: str
-    exponential: str
+    rule: ElementRule
+    exponential: ExponentialName
     degree: int
     n: int  # weights
     slots: int  # distinct moments of basis functions
@@ -48,7 +48,7 @@ class Pattern(NamedTuple):
 
     @property
     def moments(self) -> int:
-        return len(RULES[self.rule].weights)
+        return len(self.rule.weights)
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -121,13 +121,13 @@ def _build(
     intervals = [(boundaries[k], boundaries[k + 1]) for k in range(elements)] + intervals
     exits = [(k, None if e is None else elements + e) for k, e in exits]
 
-    rule = RULES[beam.grid.rule]
+    rule = rule_of(beam.grid)
     samples = np.array([_points(a, b, rule.points) for a, b in intervals])
     phi = np.array([[beam.basis(x) for x in row] for row in samples])
     phi = phi.reshape(len(intervals), len(rule.points), 3, beam.basis.n)
     entries, values = _slots(np.einsum("mg,egrn->emrn", rule.weights, phi))
     pattern = Pattern(
-        rule=beam.grid.rule,
+        rule=rule,
         exponential=beam.grid.exponential,
         degree=beam.grid.degree,
         n=beam.basis.n,
@@ -201,7 +201,7 @@ def _data(
     initial = ca.DM.zeros(3 * pattern.moments)
     if pattern.has_initial_curvature:
         k0 = ca.horzcat(*(beam.initial_curvature_at(x) for x in samples))
-        initial = ca.vec(k0 @ ca.DM(RULES[pattern.rule].weights).T)
+        initial = ca.vec(k0 @ ca.DM(pattern.rule.weights).T)
         parts.insert(1, h * initial)
     if parameters is not None and pattern.n_parameters:
         parts.append(_vec_jacobian(h, parameters))
@@ -259,7 +259,7 @@ def pose_step(pattern: Pattern) -> ca.Function:
     q, data, h, moments, _ = interval(pattern)
     state = ca.SX.sym("state", 12)
     rotation, position = unpack_pose(state)
-    strain = RULES[pattern.rule].strain(h, moments)
+    strain = pattern.rule.strain(h, moments)
     end = element.advance(rotation, position, strain, pattern.exponential, pattern.degree)
     return step_function("element_pose", {"q": q}, state, data, ca.veccat(*end))
 
@@ -268,7 +268,7 @@ def pose_step(pattern: Pattern) -> ca.Function:
 def squared_angle(pattern: Pattern) -> ca.Function:
     """θ² of an interval, rad²: (q, data) -> (1, 1)."""
     q, data, h, moments, _ = interval(pattern)
-    theta, _ = RULES[pattern.rule].strain(h, moments)
+    theta, _ = pattern.rule.strain(h, moments)
     return ca.Function(
         "element_squared_angle", [q, data], [ca.sumsqr(theta)], ["q", "data"], ["squared_angle"]
     )

@@ -5,11 +5,13 @@ Expressions are SX: a step is built once and called with any kind.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
 import casadi as ca
 
+from curvcasadi.beam.grid import ElementRule, ExponentialName
 from curvcasadi.kinematics.rules import Strain, strain_curvature, strain_with_derivatives
 from curvcasadi.lie import series, so3
 
@@ -45,7 +47,7 @@ def _small_angle(x: ca.SX, degree: int) -> _Factors:
     return _Factors(1, 0, 1 / 2, 0)
 
 
-EXPONENTIALS = {
+_FACTORS: dict[ExponentialName, Callable[[ca.SX, int], _Factors]] = {
     "series": _series,
     "rodrigues": _rodrigues,
     "small_angle_sine": _small_angle_sine,
@@ -79,7 +81,7 @@ def _combination(unit: ca.SX, hat: ca.SX | float, outer: ca.SX, theta: ca.SX) ->
 
 
 def advance(
-    rotation: ca.SX, position: ca.SX, strain: Strain, exponential: str, degree: int
+    rotation: ca.SX, position: ca.SX, strain: Strain, exponential: ExponentialName, degree: int
 ) -> Strain:
     """Pose (R, p) at the end of an element: R ← R R_e, p ← p + R p_e (Eqs. 5–13).
 
@@ -89,7 +91,7 @@ def advance(
     """
     theta, v = strain
     x = ca.sumsqr(theta)
-    a, b, c, d = EXPONENTIALS[exponential](x, degree)
+    a, b, c, d = _FACTORS[exponential](x, degree)
     element_rotation = _combination(1 - x * b, a, b * theta, theta)
     element_position = (1 - x * d) * v + ca.cross(c * theta, v) + d * ca.dot(theta, v) * theta
     return rotation @ element_rotation, position + rotation @ element_position
@@ -100,8 +102,8 @@ def advance_with_tangent(
     position: ca.SX,
     h: ca.SX,
     moments: ca.SX,
-    rule: str,
-    exponential: str,
+    rule: ElementRule,
+    exponential: ExponentialName,
     degree: int,
 ) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
     """Pose at the end of an element, and how its strain moves everything outboard of it.
@@ -134,8 +136,8 @@ def advance_with_factors(
     position: ca.SX,
     h: ca.SX,
     moments: ca.SX,
-    rule: str,
-    exponential: str,
+    rule: ElementRule,
+    exponential: ExponentialName,
     degree: int,
 ) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
     """`advance_with_tangent` before its products: R⁺, p⁺, R J_l, R M + [p⁺×] R J_l, dθ and dv."""
@@ -150,7 +152,12 @@ def advance_with_factors(
 
 
 def strain_force(
-    h: ca.SX, moments: ca.SX, wrench: ca.SX, rule: str, exponential: str, degree: int
+    h: ca.SX,
+    moments: ca.SX,
+    wrench: ca.SX,
+    rule: ElementRule,
+    exponential: ExponentialName,
+    degree: int,
 ) -> ca.SX:
     """What a wrench at or outboard of an element's end does to its strain: (1 + 3 m, 1).
 
@@ -176,7 +183,12 @@ def strain_force(
 
 
 def strain_force_with_derivatives(
-    h: ca.SX, moments: ca.SX, wrench: ca.SX, rule: str, exponential: str, degree: int
+    h: ca.SX,
+    moments: ca.SX,
+    wrench: ca.SX,
+    rule: ElementRule,
+    exponential: ExponentialName,
+    degree: int,
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """`strain_force` τ, ∂τ/∂w (1 + 3 m, 6) and ∂τ/∂(h, M) (1 + 3 m, 1 + 3 m).
 
@@ -224,7 +236,9 @@ def _work_derivatives() -> ca.Function:
     return ca.Function("work", arguments, [work, *(ca.jacobian(work, x) for x in arguments)])
 
 
-def _tangent_coefficients(x: ca.SX, exponential: str, degree: int) -> series.Coefficients[ca.SX]:
+def _tangent_coefficients(
+    x: ca.SX, exponential: ExponentialName, degree: int
+) -> series.Coefficients[ca.SX]:
     if exponential not in ON_GROUP:
         raise ValueError(
             f"Grid.exponential: twists and Jacobians need {' or '.join(ON_GROUP)}, "

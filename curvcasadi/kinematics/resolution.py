@@ -11,7 +11,7 @@ import numpy as np
 from curvcasadi.beam.beam import Beam, numeric_length
 from curvcasadi.beam.grid import Grid
 from curvcasadi.kinematics.pose_function import tip_function
-from curvcasadi.kinematics.rules import RULES
+from curvcasadi.kinematics.rules import rule_of
 from curvcasadi.symbolic.expressions import Array, is_numeric, positive
 
 #: Points per element at which curvature bounds are evaluated.
@@ -109,7 +109,7 @@ def _elements_for_angle(beam: Beam, allowed: float) -> int:
 
 
 def _elements_for_tip(beam: Beam, elements: int, tolerance: float) -> int:
-    order = RULES[beam.grid.rule].order
+    order = rule_of(beam.grid).order
     corners = _corners(beam)
     while elements <= _MOST_ELEMENTS:
         error = _SAFETY * _largest_tip_error(beam, elements, corners)
@@ -153,7 +153,7 @@ def _largest_tip_error(beam: Beam, elements: int, corners: Array) -> float:
         if found.max() <= largest:
             break
         worst, largest = flipped[:, np.argmax(found)], float(found.max())
-    return largest / (1 - 0.25 ** RULES[beam.grid.rule].order)
+    return largest / (1 - 0.25 ** rule_of(beam.grid).order)
 
 
 def _with_elements(beam: Beam, elements: int) -> Beam:

@@ -15,6 +15,8 @@ from math import sqrt
 
 import casadi as ca
 
+from curvcasadi.beam.grid import ElementRule, Grid, RuleName
+
 E_X = ca.DM([1, 0, 0])
 
 Strain = tuple[ca.SX, ca.SX]
@@ -73,7 +75,7 @@ def _combine(*terms: tuple[float, Strain]) -> Strain:
 
 _GAUSS2, _GAUSS3 = sqrt(3) / 6, sqrt(15) / 10
 
-RULES = {
+RULES: dict[RuleName, ElementRule] = {
     "trapezoid": Rule((0.0, 1.0), ((0.5, 0.5),), 2, _mean),
     "midpoint": Rule((0.5,), ((1.0,),), 2, _mean),
     "magnus4": Rule(
@@ -91,10 +93,14 @@ RULES = {
 }
 
 
+def rule_of(grid: Grid) -> ElementRule:
+    """The rule of `grid`."""
+    return RULES[grid.rule] if isinstance(grid.rule, str) else grid.rule
+
+
 @cache
-def strain_with_derivatives(name: str) -> ca.Function:
+def strain_with_derivatives(rule: ElementRule) -> ca.Function:
     """(h, moments) -> θ, v and their derivatives, (3, 1 + 3 m), with respect to (h, M_1 … M_m)."""
-    rule = RULES[name]
     h, moments = ca.SX.sym("h"), ca.SX.sym("moments", 3, len(rule.weights))
     strain = rule.strain(h, moments)
     inputs = ca.veccat(h, moments)
@@ -103,10 +109,10 @@ def strain_with_derivatives(name: str) -> ca.Function:
 
 
 @cache
-def strain_curvature(name: str) -> ca.Function:
+def strain_curvature(rule: ElementRule) -> ca.Function:
     """(h, moments, work) -> Σ_k work_k ∂²ξ_k/∂(h, M)²."""
-    h, moments = ca.SX.sym("h"), ca.SX.sym("moments", 3, len(RULES[name].weights))
+    h, moments = ca.SX.sym("h"), ca.SX.sym("moments", 3, len(rule.weights))
     work, inputs = ca.SX.sym("work", 6), ca.veccat(h, moments)
-    _, _, d_theta, d_v = strain_with_derivatives(name)(h, moments)
+    _, _, d_theta, d_v = strain_with_derivatives(rule)(h, moments)
     along = ca.vertcat(d_theta, d_v).T @ work
     return ca.Function("strain_curvature", [h, moments, work], [ca.jacobian(along, inputs)])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -92,6 +93,20 @@ def test_modules_import_from_lower_layers(path):
         assert imported not in EXEMPT, f"{module} imports {imported}"
         assert imported not in RIM or module in RIM, f"{module} imports {imported}, of the rim"
         assert ORDER[imported] < ORDER[module], f"{module} imports {imported}"
+
+
+@pytest.mark.parametrize(
+    "folder", sorted({path.parent for path in FILES} - {PACKAGE}), ids=lambda path: path.name
+)
+def test_imports_inside_a_folder_form_no_circle(folder):
+    names = {".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts): path
+             for path in FILES if folder in path.parents and path.stem != "__init__"}  # fmt: skip
+    graph = {
+        name: {n for found in imports_of(TREES[path]) for n in (found, found.rpartition(".")[0])}
+        & set(names)
+        for name, path in names.items()
+    }
+    list(TopologicalSorter(graph).static_order())  # raises CycleError, which names the circle
 
 
 def test_layers_are_seen_by_the_reader_of_imports():

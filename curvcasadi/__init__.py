@@ -92,6 +92,12 @@ from curvcasadi.beam import (
     mirror,
 )
 from curvcasadi.control import ControlModel, kinematic_model, rk4_step
+from curvcasadi.dynamics import (
+    forward_dynamics,
+    inverse_dynamics,
+    kinetic_energy,
+    mass_matrix,
+)
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.estimation import (
     Estimate,
@@ -270,18 +276,22 @@ __all__ = [
     "equilibrium_tangent",
     "export_c",
     "fit_shape",
+    "forward_dynamics",
     "frozen_gust",
     "function",
     "generalized_force",
     "information_matrix",
+    "inverse_dynamics",
     "jacobian_function",
     "kinematic_model",
+    "kinetic_energy",
     "kussner",
     "load_aircraft",
     "load_beam",
     "load_estimation",
     "load_modes",
     "load_wing",
+    "mass_matrix",
     "measure",
     "measurement_function",
     "measurement_residual",

@@ -24,6 +24,10 @@ RIGIDITIES = ("GJ", "EI_y", "EI_z")
 COUPLINGS = {"coupling_xy": (0, 1), "coupling_xz": (0, 2), "coupling_yz": (1, 2)}
 
 
+#: An eigenvalue of an inertia may be negative by this fraction of the largest: rounding of tables.
+_ROUNDING = 1e-9
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Section:
     """Cross-section stiffness and mass about the local axes.
@@ -120,7 +124,7 @@ class Body:
     def __post_init__(self) -> None:
         station("Body.xi", self.xi)
         positive("Body.mass", self.mass, zero=True)
-        symmetric("Body.inertia", self.inertia)
+        semidefinite("Body.inertia", self.inertia)
         object.__setattr__(self, "offset", expression("Body.offset", self.offset, (3, 1)))
 
 
@@ -147,11 +151,24 @@ def symmetric(name: str, value: Number, *, size: int = 3, definite: bool = False
     return matrix
 
 
+def semidefinite(name: str, value: Number) -> AnyExpr:
+    """`value`, a symmetric matrix (3, 3) without negative eigenvalues; symbols as they are."""
+    matrix = symmetric(name, value)
+    if is_numeric(matrix):
+        eigenvalues = np.linalg.eigvalsh(matrix.full())
+        if eigenvalues[0] < -_ROUNDING * np.max(np.abs(eigenvalues)):
+            raise ValueError(
+                f"{name}: expected a matrix without negative eigenvalues, "
+                f"found the eigenvalues {eigenvalues.tolist()}"
+            )
+    return matrix
+
+
 #: What the fields of a section that may vary along the span must fulfil.
 _CHECKS: dict[str, Check] = {
     **dict.fromkeys(RIGIDITIES, positive),
     **dict.fromkeys(COUPLINGS, scalar),
     "mass_per_length": partial(positive, zero=True),
-    "inertia": symmetric,
+    "inertia": semidefinite,
     "center_of_mass": vector,
 }

@@ -143,7 +143,7 @@ def advance_with_factors(
     """`advance_with_tangent` before its products: R⁺, p⁺, R J_l, R M + [p⁺×] R J_l, dθ and dv."""
     theta, v, d_theta, d_v = strain_with_derivatives(rule)(h, moments)
     x = ca.sumsqr(theta)
-    tangent = _tangent_coefficients(x, exponential, degree)
+    tangent = tangent_coefficients(x, exponential, degree)
     left = rotation @ _combination(tangent.c1, tangent.c2, tangent.c3 * theta, theta)  # R J_l
     end = position + left @ v
     shift = rotation @ so3.left_jacobian_product_derivative(theta, v, tangent)
@@ -177,7 +177,7 @@ def strain_force(
         Virtual work on (h, M_1 … M_m).
     """
     theta, v, d_theta, d_v = strain_with_derivatives(rule)(h, moments)
-    coefficients = _tangent_coefficients(ca.sumsqr(theta), exponential, degree)
+    coefficients = tangent_coefficients(ca.sumsqr(theta), exponential, degree)
     by_theta, by_v = _work_on_strain(theta, v, coefficients, wrench)
     return d_theta.T @ by_theta + d_v.T @ by_v
 
@@ -195,7 +195,7 @@ def strain_force_with_derivatives(
     The coefficient functions are differentiated in closed form, the rest by AD of this element.
     """
     theta, v, d_theta, d_v = strain_with_derivatives(rule)(h, moments)
-    coefficients = _tangent_coefficients(ca.sumsqr(theta), exponential, degree)
+    coefficients = tangent_coefficients(ca.sumsqr(theta), exponential, degree)
     work, by_theta, by_v, by_coefficients, by_wrench = _work_derivatives()(
         theta, v, ca.vertcat(*coefficients), wrench
     )
@@ -216,9 +216,8 @@ def _work_on_strain(
     def transposed(x: ca.SX) -> ca.SX:
         return c1 * x - ca.cross(c2 * theta, x) + c3 * ca.dot(theta, x) * theta
 
-    along = ca.dot(theta, v)
-    end = c1 * v + ca.cross(c2 * theta, v) + c3 * along * theta
-    w = ca.cross(theta, v)
+    along, w = ca.dot(theta, v), ca.cross(theta, v)
+    end = c1 * v + c2 * w + c3 * along * theta
     direction = (2 * c4 - c3) * w + (3 * c5 - c4) * ca.cross(theta, w) - c3 * v
     by_theta = transposed(moment - ca.cross(end, force))
     by_theta += c3 * along * force + ca.cross(c2 * v + c3 * w, force)
@@ -236,9 +235,16 @@ def _work_derivatives() -> ca.Function:
     return ca.Function("work", arguments, [work, *(ca.jacobian(work, x) for x in arguments)])
 
 
-def _tangent_coefficients(
+def rotation_of(theta: ca.SX, coefficients: series.Coefficients[ca.SX]) -> ca.SX:
+    """R_e = (1 − c_2 θ²) I + c_1 [θ×] + c_2 θ θᵀ, with the coefficients at θ²."""
+    unit = 1 - ca.sumsqr(theta) * coefficients.c2
+    return _combination(unit, coefficients.c1, coefficients.c2 * theta, theta)
+
+
+def tangent_coefficients(
     x: ca.SX, exponential: ExponentialName, degree: int
 ) -> series.Coefficients[ca.SX]:
+    """c_1 … c_7 at the squared angle `x`, for exponentials onto the group alone."""
     if exponential not in ON_GROUP:
         raise ValueError(
             f"Grid.exponential: twists and Jacobians need {' or '.join(ON_GROUP)}, "

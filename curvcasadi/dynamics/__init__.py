@@ -1,0 +1,21 @@
+"""Equations of motion of one beam: inertia, recursion along the elements, frequencies and modes."""
+
+from curvcasadi.dynamics.energy import (
+    kinetic_energy,
+)
+from curvcasadi.dynamics.forward import (
+    forward_dynamics,
+)
+from curvcasadi.dynamics.inverse import (
+    inverse_dynamics,
+)
+from curvcasadi.dynamics.mass import (
+    mass_matrix,
+)
+
+__all__ = [
+    "forward_dynamics",
+    "inverse_dynamics",
+    "kinetic_energy",
+    "mass_matrix",
+]

@@ -1,0 +1,51 @@
+"""Forward dynamics: the accelerations of the weights under loads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+
+from curvcasadi.beam.beam import Beam
+from curvcasadi.dynamics import inverse, mass, system
+from curvcasadi.kinematics.root_motion import RootMotion
+from curvcasadi.symbolic.expressions import AnyExpr
+
+
+def forward_dynamics(
+    beam: Beam,
+    q: AnyExpr,
+    q_dot: AnyExpr,
+    loads: Sequence[Any] = (),
+    root: RootMotion | None = None,
+) -> AnyExpr:
+    """Accelerations q_ddot = M⁻¹ (Q(loads) − bias − S q) of a beam that moves freely under loads.
+
+    Parameters
+    ----------
+    beam : Beam
+        With mass.
+    q, q_dot : SX, MX, DM or array, shape (n, 1)
+        Weights, rad/m, and their rates.
+    loads : sequence of loads
+        As for `inverse_dynamics`.
+    root : RootMotion, optional
+        How the root moves, and gravity if `loads` have none; a clamped root unless given.
+
+    Returns
+    -------
+    SX, MX or DM, shape (n, 1)
+        rad/(m s²).
+
+    Raises
+    ------
+    ValueError
+        As `inverse_dynamics`.
+    """
+    states = system.weights(beam, q=q, q_dot=q_dot)
+    built = system.build(beam, loads, root, states)
+    n = beam.basis.n
+    bias = inverse.residual(built, states["q"], states["q_dot"], ca.DM.zeros(n))
+    triangle = mass.packed_mass_matrix(built, states["q"])
+    return mass.ldl_solve(n)(triangle, -bias)

@@ -1,0 +1,71 @@
+"""The equations of motion as a residual: what a motion leaves unbalanced."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+
+from curvcasadi.beam.beam import Beam
+from curvcasadi.dynamics import recursion, system
+from curvcasadi.kinematics.root_motion import RootMotion
+from curvcasadi.statics.balance import stiffness_matrix
+from curvcasadi.symbolic.expressions import AnyExpr
+
+
+def inverse_dynamics(
+    beam: Beam,
+    q: AnyExpr,
+    q_dot: AnyExpr,
+    q_ddot: AnyExpr,
+    loads: Sequence[Any] = (),
+    root: RootMotion | None = None,
+) -> AnyExpr:
+    """Residual of the equations of motion, r = M q_ddot + bias + S q − Q(loads).
+
+    It vanishes along motions of the beam; at rest it equals `equilibrium_residual`. There is no
+    damping in it.
+
+    Parameters
+    ----------
+    beam : Beam
+        With a section that has stiffness and mass, or bodies.
+    q, q_dot, q_ddot : SX, MX, DM or array, shape (n, 1)
+        Weights, rad/m, and their rates.
+    loads : sequence of loads
+        As for `equilibrium_residual`. A `Gravity` is an acceleration −g of the root, and is not
+        counted as a load as well.
+    root : RootMotion, optional
+        How the root moves, and gravity if `loads` have none; a clamped root unless given.
+
+    Returns
+    -------
+    SX, MX or DM, shape (n, 1)
+        N m². SX weights give an unrolled recursion, MX weights a chain of calls.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong, symbols are of two kinds, or the beam has no mass, or torsion without
+        rotary inertia.
+    """
+    states = system.weights(beam, q=q, q_dot=q_dot, q_ddot=q_ddot)
+    built = system.build(beam, loads, root, states)
+    return residual(built, *states.values())
+
+
+def residual(built: system.System, q: AnyExpr, q_dot: AnyExpr, q_ddot: AnyExpr) -> AnyExpr:
+    beam_chain, (mask, inertias) = built.chain, built.inertias
+    outward, inward = (
+        recursion.outward(beam_chain.pattern),
+        recursion.inward(beam_chain.pattern, mask),
+    )
+    motions = beam_chain.march([outward], built.root_motion, q, q_dot, q_ddot)
+    applied = system.applied_wrenches(built, q)
+    wrench, force = ca.DM.zeros(6), ca.DM.zeros(built.beam.basis.n)
+    for k in reversed(range(1, len(motions))):
+        if applied[k] is not None:
+            wrench = wrench - applied[k]
+        wrench, force = inward(q, motions[k], inertias[k], beam_chain.data[k - 1], wrench, force)
+    return stiffness_matrix(built.beam) @ q + force

@@ -1,0 +1,119 @@
+"""The mass matrix of the weights, and solutions with it."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.beam.beam import Beam
+from curvcasadi.dynamics import system
+from curvcasadi.dynamics.inertia import Mask, masked, momentum
+from curvcasadi.kinematics import chain
+from curvcasadi.kinematics import jacobian as kinematics
+from curvcasadi.lie import so3
+from curvcasadi.symbolic.expressions import AnyExpr
+
+
+def mass_matrix(beam: Beam, q: AnyExpr) -> AnyExpr:
+    """Mass matrix M(q) = Σ_k J_kᵀ I_k J_k over the stations, J_k their body Jacobians.
+
+    Parameters
+    ----------
+    beam : Beam
+        With mass.
+    q : SX, MX, DM or array, shape (n, 1)
+        Weights, rad/m.
+
+    Returns
+    -------
+    SX, MX or DM, shape (n, n)
+        kg m⁴, symmetric; the kinetic energy of a beam with a clamped root is ½ q_dotᵀ M q_dot.
+
+    Raises
+    ------
+    ValueError
+        As `inverse_dynamics`.
+    """
+    states = system.weights(beam, q=q)
+    built = system.build(beam, (), None, states)
+    return unpack_symmetric(packed_mass_matrix(built, states["q"]), beam.basis.n)
+
+
+def packed_mass_matrix(built: system.System, q: AnyExpr) -> AnyExpr:
+    """Upper triangle of the mass matrix by columns, (n (n + 1)/2, 1)."""
+    n, (mask, inertias) = built.beam.basis.n, built.inertias
+    total = ca.DM.zeros(n * (n + 1) // 2)
+    add = _station_mass(n, mask)
+    states = kinematics.jacobian_states(built.chain, q)
+    for state, inertia in zip(states[1:], inertias[1:], strict=True):  # the root stands still
+        total = add(state, inertia, total)
+    return total
+
+
+def unpack_symmetric(triangle: AnyExpr, n: int) -> AnyExpr:
+    """The symmetric matrix (n, n) whose upper triangle is packed by columns."""
+    order = np.zeros((n, n), dtype=int)
+    order.T[np.tril_indices(n)] = range(n * (n + 1) // 2)
+    entries = np.maximum(order, order.T).ravel(order="F").tolist()
+    return ca.reshape(triangle[entries], n, n)
+
+
+def pack_symmetric(rows: list[list[ca.SX]]) -> ca.SX:
+    """Upper triangle by columns of a matrix whose entry (i, j) is given for i ≤ j."""
+    return ca.vertcat(*(rows[i][j] for j in range(len(rows)) for i in range(j + 1)))
+
+
+@lru_cache(maxsize=64)
+def _station_mass(n: int, mask: Mask) -> ca.Function:
+    """(state with sums, inertia, triangle) -> triangle with Jᵀ I J of the station.
+
+    J = (Rᵀ A, Rᵀ (B − p × A)); in parent axes unless the inertia needs local ones.
+    """
+    state, inertia = ca.SX.sym("state", 12 + 6 * n), ca.SX.sym("inertia", sum(mask))
+    triangle = ca.SX.sym("triangle", n * (n + 1) // 2)
+    rotation, position = chain.unpack_pose(state)
+    angular, linear = kinematics.unpack_sums(state)
+    linear = linear - so3.hat(position) @ angular
+    if any(mask[1:]):
+        angular = rotation.T @ angular
+    if any(mask[1:4]):
+        linear = rotation.T @ linear
+    moving = momentum(masked(mask, inertia), ca.vertcat(angular, linear))
+    if not any(mask[1:]):
+        angular = ca.SX(3, n)
+    added = [
+        ca.dot(angular[:, i], moving[:3, j]) + ca.dot(linear[:, i], moving[3:, j])
+        for j in range(n)
+        for i in range(j + 1)
+    ]
+    return ca.Function(
+        "station_mass", [state, inertia, triangle], [triangle + ca.vertcat(*added)], {"cse": True}
+    )
+
+
+@lru_cache(maxsize=64)
+def ldl_solve(n: int, columns: int = 1) -> ca.Function:
+    """(triangle of a positive definite A, B (n, columns)) -> A⁻¹ B by A = L D Lᵀ.
+
+    Without pivoting and square roots; its rounding does not depend on the scale of the unknowns.
+    """
+    triangle, right = ca.SX.sym("triangle", n * (n + 1) // 2), ca.SX.sym("B", n, columns)
+    entries = [[triangle[j * (j + 1) // 2 + i] for j in range(n)] for i in range(n)]  # i ≤ j
+    lower = [[ca.SX(0)] * n for _ in range(n)]
+    inverse: list[ca.SX] = []
+    scaled = [[ca.SX(0)] * n for _ in range(n)]  # L D
+    for j in range(n):
+        pivot = entries[j][j] - sum(lower[j][k] * scaled[j][k] for k in range(j))
+        inverse.append(1 / pivot)
+        for i in range(j + 1, n):
+            scaled[i][j] = entries[j][i] - sum(lower[j][k] * scaled[i][k] for k in range(j))
+            lower[i][j] = scaled[i][j] * inverse[j]
+    x = [right[i, :] for i in range(n)]
+    for i in range(n):
+        x[i] = x[i] - sum((lower[i][k] * x[k] for k in range(i)), ca.SX(1, columns))
+    x = [row * factor for row, factor in zip(x, inverse, strict=True)]
+    for i in reversed(range(n)):
+        x[i] = x[i] - sum((lower[k][i] * x[k] for k in range(i + 1, n)), ca.SX(1, columns))
+    return ca.Function("ldl_solve", [triangle, right], [ca.vertcat(*x)], {"cse": True})

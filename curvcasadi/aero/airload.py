@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -25,9 +25,8 @@ from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics.shape import poses
 from curvcasadi.loads.stations import (
     Contributions,
+    Load,
     Mesh,
-    WrenchFormula,
-    contributions,
     loaded_mesh,
     sites,
 )
@@ -60,14 +59,14 @@ def strip_wrench(rotation: AnyExpr, position: AnyExpr, data: AnyExpr) -> AnyExpr
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class AerodynamicLoad:
+class AerodynamicLoad(Load):
     """Airloads on a beam: quasi-steady, strip by strip."""
 
     strips: StripAerodynamics
     flow: Flow
     deflections: Mapping[str, Number] = field(default_factory=dict)  #: rad; others are zero
 
-    wrench: ClassVar[WrenchFormula] = staticmethod(strip_wrench)
+    wrench = staticmethod(strip_wrench)
 
     def __post_init__(self) -> None:
         for name, kind in (("strips", StripAerodynamics), ("flow", Flow)):
@@ -88,6 +87,10 @@ class AerodynamicLoad:
     def breaks(self) -> tuple[float, ...]:
         """Stations at which the airfoil data jump."""
         return self.strips.breaks
+
+    def contributions(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
+        for site in sites(beam, mesh):
+            yield site.node, strip_data(self, site.xi, site.measure, to_parent)
 
 
 def strip_data(load: AerodynamicLoad, xi: float, measure: Number, to_parent: AnyExpr) -> AnyExpr:
@@ -111,12 +114,6 @@ def strip_data(load: AerodynamicLoad, xi: float, measure: Number, to_parent: Any
         drag,
         moment * chord,
     )
-
-
-@contributions.register
-def _(load: AerodynamicLoad, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
-    for site in sites(beam, mesh):
-        yield site.node, strip_data(load, site.xi, site.measure, to_parent)
 
 
 class _InSection(NamedTuple):

@@ -7,7 +7,7 @@ from typing import Any
 
 from curvcasadi.files import toml_reader as toml
 from curvcasadi.files.sections import read_steps
-from curvcasadi.loads import stations as loads
+from curvcasadi.loads import kinds as loads
 
 #: Loads by their type in a wing file; their keys there are the fields of the class.
 LOAD_TYPES: dict[str, type] = {

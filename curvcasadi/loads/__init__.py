@@ -7,11 +7,16 @@ from curvcasadi.loads.kinds import (
     PointForce,
     PointMoment,
 )
+from curvcasadi.loads.stations import Load, force_data, moment_data, sites
 
 __all__ = [
     "DistributedForce",
     "DistributedMoment",
     "Gravity",
+    "Load",
     "PointForce",
     "PointMoment",
+    "force_data",
+    "moment_data",
+    "sites",
 ]

@@ -1,28 +1,55 @@
-"""Loads on a beam, as data."""
+"""Loads on a beam, as data; each says what it amounts to at stations."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
-from curvcasadi.symbolic.expressions import Number, choice, expression, station
-
-Frame = Literal["dead", "follower", "body"]
-FRAMES = ("dead", "follower", "body")
+from curvcasadi.beam.along import Along, breaks_of, vector
+from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.section import Section
+from curvcasadi.loads.stations import (
+    FRAMES,
+    Contributions,
+    Frame,
+    Load,
+    Mesh,
+    force_data,
+    moment_data,
+    sites,
+)
+from curvcasadi.symbolic.expressions import AnyExpr, Number, choice, station
 
 
 @dataclass(frozen=True, eq=False)
-class Gravity:
+class Gravity(Load):
     """Weight of the sections (mass per length, centre of mass) and bodies of a beam."""
 
     acceleration: Number  #: (3,), m/s², inertial axes
 
     def __post_init__(self) -> None:
-        _vector(self, "acceleration")
+        _check(self, "acceleration")
+
+    def is_distributed(self, beam: Beam) -> bool:
+        return beam.section is not None and beam.section.mass_per_length is not None
+
+    def contributions(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
+        section = beam.section
+        if not isinstance(section, Section) or not (self.is_distributed(beam) or beam.bodies):
+            raise ValueError(
+                "Gravity: expected a Section with mass_per_length or bodies, found neither"
+            )
+        for site in sites(beam, mesh) if self.is_distributed(beam) else ():
+            weight = site.measure * section.mass_at(site.xi) * self.acceleration
+            center = section.center_of_mass_at(site.xi)
+            yield site.node, force_data(weight, "dead", center, to_parent)
+        for body in beam.bodies:
+            weight = body.mass * self.acceleration
+            yield mesh.node(body.xi), force_data(weight, "dead", body.offset, to_parent)
 
 
 @dataclass(frozen=True, eq=False)
-class PointForce:
+class PointForce(Load):
     """A force at a station. "dead": fixed inertial direction; "follower": fixed in local axes;
     "body": fixed in the parent (an aircraft's body axes)."""
 
@@ -34,12 +61,21 @@ class PointForce:
     def __post_init__(self) -> None:
         station("PointForce.xi", self.xi)
         choice("PointForce.frame", self.frame, FRAMES)
-        _vector(self, "force")
-        _vector(self, "offset")
+        _check(self, "force", "offset")
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return (float(self.xi),)
+
+    def is_distributed(self, beam: Beam) -> bool:
+        return False
+
+    def contributions(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
+        yield mesh.node(self.xi), force_data(self.force, self.frame, self.offset, to_parent)
 
 
 @dataclass(frozen=True, eq=False)
-class PointMoment:
+class PointMoment(Load):
     """A moment at a station; frames as of `PointForce`. A dead moment has no potential."""
 
     xi: float  #: station s/L
@@ -49,11 +85,21 @@ class PointMoment:
     def __post_init__(self) -> None:
         station("PointMoment.xi", self.xi)
         choice("PointMoment.frame", self.frame, FRAMES)
-        _vector(self, "moment")
+        _check(self, "moment")
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return (float(self.xi),)
+
+    def is_distributed(self, beam: Beam) -> bool:
+        return False
+
+    def contributions(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
+        yield mesh.node(self.xi), moment_data(self.moment, self.frame, to_parent)
 
 
 @dataclass(frozen=True, eq=False)
-class DistributedForce:
+class DistributedForce(Load):
     """A force per length along the whole span; frames as of `PointForce`."""
 
     force: Number  #: (3,), N/m, or a function of xi; one with jumps has `breaks`
@@ -62,12 +108,21 @@ class DistributedForce:
 
     def __post_init__(self) -> None:
         choice("DistributedForce.frame", self.frame, FRAMES)
-        _vector(self, "force")
-        _vector(self, "offset")
+        _check(self, "force", "offset")
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return breaks_of(self.force, self.offset)
+
+    def contributions(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
+        force, offset = _along(self, "force"), _along(self, "offset")
+        for site in sites(beam, mesh):
+            data = force_data(force(site.xi), self.frame, offset(site.xi), to_parent)
+            yield site.node, site.measure * data
 
 
 @dataclass(frozen=True, eq=False)
-class DistributedMoment:
+class DistributedMoment(Load):
     """A moment per length along the whole span; frames as of `PointForce`."""
 
     moment: Number  #: (3,), N, or a function of xi; one with jumps has `breaks`
@@ -75,11 +130,22 @@ class DistributedMoment:
 
     def __post_init__(self) -> None:
         choice("DistributedMoment.frame", self.frame, FRAMES)
-        _vector(self, "moment")
+        _check(self, "moment")
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return breaks_of(self.moment)
+
+    def contributions(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
+        moment = _along(self, "moment")
+        for site in sites(beam, mesh):
+            yield site.node, site.measure * moment_data(moment(site.xi), self.frame, to_parent)
 
 
-def _vector(load: Any, name: str) -> None:
-    value = getattr(load, name)
-    if not callable(value):
-        checked = expression(f"{type(load).__name__}.{name}", value, (3, 1))
-        object.__setattr__(load, name, checked)
+def _along(load: Any, name: str) -> Along:
+    return Along(f"{type(load).__name__}.{name}", getattr(load, name), vector)
+
+
+def _check(load: Any, *names: str) -> None:
+    for name in names:
+        object.__setattr__(load, name, _along(load, name).source)

@@ -6,44 +6,73 @@ At a station with pose (R, p), parent axes, every load below is one wrench about
 
 of 21 numbers: forces and moments fixed in the parent frame (F_d, M_d) and in local axes (F_f, M_f),
 and N = Σ r F_dᵀ of the offsets r at which fixed forces act, axial(R N) = Σ (R r) × F_d. A load that
-depends on the pose otherwise brings a formula of its own, its class attribute `wrench`.
+acts otherwise brings a formula of its own, `Load.wrench`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import singledispatch
-from typing import Any, NamedTuple, TypeAlias
+from dataclasses import dataclass
+from typing import (
+    Any,
+    ClassVar,
+    Literal,
+    NamedTuple,
+    Protocol,
+    TypeAlias,
+    runtime_checkable,
+)
 
 import casadi as ca
 import numpy as np
 
+from curvcasadi.beam.along import breaks_of
 from curvcasadi.beam.beam import Beam, merged_breaks
 from curvcasadi.beam.quadrature import Panel
-from curvcasadi.beam.section import Section
 from curvcasadi.lie import so3
-from curvcasadi.loads.kinds import (
-    DistributedForce,
-    DistributedMoment,
-    Frame,
-    Gravity,
-    PointForce,
-    PointMoment,
-)
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
     Number,
-    expression,
     rotation_matrix,
 )
+
+Frame = Literal["dead", "follower", "body"]
+FRAMES = ("dead", "follower", "body")
 
 #: Numbers that describe the loads at one station: F_d, M_d, vec N, F_f, M_f.
 SIZE = 21
 
 
-#: Formula (R, p, data) -> wrench (moment, force), (6, 1), about the parent origin, parent axes.
-WrenchFormula: TypeAlias = Callable[[AnyExpr, AnyExpr, AnyExpr], AnyExpr]
+@dataclass(frozen=True)
+class WrenchFormula:
+    """How a load acts at a station: (R, p, data, twist, acceleration) -> wrench.
+
+    Formulas of one function are one, and their CasADi Functions are made once.
+    """
+
+    function: Callable[..., AnyExpr]
+    order: int = 0  #: 0: of the pose alone, 1: and of the twist, 2: and of the acceleration
+
+    def __call__(
+        self,
+        rotation: AnyExpr,
+        position: AnyExpr,
+        data: AnyExpr,
+        twist: AnyExpr | None = None,
+        acceleration: AnyExpr | None = None,
+    ) -> AnyExpr:
+        """Wrench (moment, force), (6, 1), about the parent origin, parent axes.
+
+        Twist and acceleration (6, 1) are those of `Load.wrench`; at rest they are None.
+        """
+        motion = (twist, acceleration)[: self.order]
+        at_rest = ca.DM.zeros(6)
+        return self.function(
+            rotation, position, data, *(at_rest if part is None else part for part in motion)
+        )
+
+
 #: What acts at one station: formulas, each with its data.
 StationLoads: TypeAlias = list[tuple[WrenchFormula, AnyExpr]]
 #: (index of a station, load data that it gains) of one load.
@@ -64,62 +93,9 @@ class Mesh(NamedTuple):
     stations: Array
     panels: tuple[Panel, ...]
 
-
-def load_breaks(loads: Sequence[Any]) -> tuple[float, ...]:
-    """Stations at which `loads` begin, end or jump."""
-    points: set[float] = set()
-    for load in loads:
-        if hasattr(load, "xi"):
-            points.add(float(load.xi))
-        points.update(getattr(load, "breaks", ()))
-        for name in ("force", "moment"):
-            points.update(getattr(getattr(load, name, None), "breaks", ()))
-    return tuple(points)
-
-
-def loaded_mesh(beam: Beam, loads: Sequence[Any]) -> Mesh:
-    """Stations of `beam` and panels that also break where `loads` begin, end or jump.
-
-    Where loads are distributed, a panel has three elements at least: fewer do not integrate them.
-    """
-    breaks = merged_breaks([*beam.breaks, *load_breaks(loads)])
-    least = _LEAST_ELEMENTS if breaks and any(_is_distributed(beam, load) for load in loads) else 1
-    return Mesh(beam.grid.stations(breaks, least), beam.grid.panels(breaks, least))
-
-
-#: Elements that a panel between two breaks needs for the quadrature of a distributed load.
-_LEAST_ELEMENTS = 3
-
-
-def _is_distributed(beam: Beam, load: Any) -> bool:
-    if isinstance(load, Gravity):
-        return beam.section is not None and beam.section.mass_per_length is not None
-    return not isinstance(load, (PointForce, PointMoment))
-
-
-def station_loads(
-    beam: Beam, loads: Sequence[Any], mesh: Mesh, attitude: AnyExpr | None
-) -> list[StationLoads]:
-    """Formulas and load data for every station of `mesh`; those of `linear_wrench` as one sum.
-
-    Parameters
-    ----------
-    attitude : (3, 3), parent to inertial axes; None if they are the same
-    """
-    to_parent = ca.DM.eye(3) if attitude is None else rotation_matrix("attitude", attitude).T
-    totals: list[AnyExpr] = [None for _ in mesh.stations]
-    others: list[StationLoads] = [[] for _ in mesh.stations]
-    for load in loads:
-        formula = getattr(load, "wrench", linear_wrench)
-        for node, data in contributions(load, beam, mesh, to_parent):
-            if formula is linear_wrench:
-                totals[node] = data if totals[node] is None else totals[node] + data
-            else:
-                others[node].append((formula, data))
-    return [
-        other if total is None else [(linear_wrench, total), *other]
-        for total, other in zip(totals, others, strict=True)
-    ]
+    def node(self, xi: float) -> int:
+        """Index of the station `xi`."""
+        return int(np.argmin(np.abs(self.stations - xi)))
 
 
 def linear_wrench(rotation: AnyExpr, position: AnyExpr, data: AnyExpr) -> AnyExpr:
@@ -131,51 +107,139 @@ def linear_wrench(rotation: AnyExpr, position: AnyExpr, data: AnyExpr) -> AnyExp
     return ca.vertcat(moment, force)
 
 
-@singledispatch
-def contributions(load: Any, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
-    """Load data of one load, station by station; another kind of load registers its own."""
-    raise ValueError(f"loads: expected loads such as PointForce or Gravity, found {load!r}")
+@runtime_checkable
+class Load(Protocol):
+    """What acts on a beam. A load of the user's inherits from this class, in any file.
+
+    It has one method of its own, `contributions`. One that is not a sum of forces and moments fixed
+    in the parent or in local axes also has its own `wrench`; one that depends on the motion of its
+    station, as damping does, sets `order`.
+
+    Attributes
+    ----------
+    order : int
+        What `wrench` takes beside the pose: 0 nothing, 1 the twist, 2 the twist and acceleration of
+        the station. In statics these are zero.
+    """
+
+    order: ClassVar[int] = 0
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Stations xi in [0, 1] at which the load acts as a point, begins, ends or jumps."""
+        return ()
+
+    def is_distributed(self, beam: Beam) -> bool:
+        """Whether the load is integrated along the span, by `sites`."""
+        return True
+
+    def contributions(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
+        """Numbers from which `wrench` computes what acts at the stations.
+
+        Parameters
+        ----------
+        beam : Beam
+            What the load acts on.
+        mesh : Mesh
+            Stations; `mesh.node(xi)` is the index of one of `breaks`, and `sites(beam, mesh)` are
+            the nodes of the quadrature along the span.
+        to_parent : SX, MX or DM, shape (3, 3)
+            Rotation from inertial to parent axes.
+
+        Yields
+        ------
+        node : int
+            Index of a station.
+        data : SX, MX or DM, shape (m, 1)
+            The `data` of `wrench` there; of several contributions to a station each acts. Data of
+            the default `wrench` are made by `force_data` and `moment_data`.
+        """
+        ...
+
+    @staticmethod
+    def wrench(rotation: Any, position: Any, data: Any, *motion: Any) -> Any:
+        """What acts at a station.
+
+        Every symbol that it depends on is an argument: it becomes one CasADi Function for all
+        stations and beams.
+
+        Parameters
+        ----------
+        rotation, position : SX, shapes (3, 3) and (3, 1)
+            Pose of the station, local to parent axes, m.
+        data : SX, shape (m, 1)
+            Of `contributions`.
+        *motion : SX, shape (6, 1)
+            For `order` 1 the twist (Ω, v) of the station relative to inertial space, rad/s and m/s,
+            local axes; for `order` 2 also its acceleration (dΩ/dt, a), rad/s² and m/s², local axes,
+            where a is the acceleration of the point, not the rate of the components of v.
+
+        Returns
+        -------
+        SX, shape (6, 1)
+            Wrench (moment, force) about the parent origin, parent axes, N m and N.
+        """
+        return linear_wrench(rotation, position, data)
 
 
-@contributions.register
-def _(load: PointForce, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
-    yield _node(mesh, load.xi), _force(load.force, load.frame, load.offset, to_parent)
+_LINEAR = WrenchFormula(linear_wrench)
 
 
-@contributions.register
-def _(load: PointMoment, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
-    yield _node(mesh, load.xi), _moment(load.moment, load.frame, to_parent)
+def formula_of(load: Load) -> WrenchFormula:
+    """The formula of `load`; those of the default `Load.wrench` share one."""
+    return _LINEAR if load.wrench is Load.wrench else WrenchFormula(load.wrench, load.order)
 
 
-@contributions.register
-def _(load: DistributedForce, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
-    for site in sites(beam, mesh):
-        force = _value("DistributedForce.force", load.force, site.xi)
-        offset = _value("DistributedForce.offset", load.offset, site.xi)
-        yield site.node, site.measure * _force(force, load.frame, offset, to_parent)
+def load_breaks(loads: Sequence[Load]) -> tuple[float, ...]:
+    """Stations at which `loads` begin, end or jump."""
+    return breaks_of(*checked_loads(loads))
 
 
-@contributions.register
-def _(load: DistributedMoment, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
-    for site in sites(beam, mesh):
-        moment = _value("DistributedMoment.moment", load.moment, site.xi)
-        yield site.node, site.measure * _moment(moment, load.frame, to_parent)
+def checked_loads(loads: Sequence[Load]) -> tuple[Load, ...]:
+    """`loads`, each of which has what a `Load` has."""
+    for load in loads:
+        if not isinstance(load, Load):
+            raise ValueError(f"loads: expected loads such as PointForce or Gravity, found {load!r}")
+    return tuple(loads)
 
 
-@contributions.register
-def _(load: Gravity, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
-    section = beam.section
-    if not isinstance(section, Section) or (section.mass_per_length is None and not beam.bodies):
-        raise ValueError(
-            "Gravity: expected a Section with mass_per_length or bodies, found neither"
-        )
-    if section.mass_per_length is not None:
-        for site in sites(beam, mesh):
-            weight = site.measure * section.mass_at(site.xi) * load.acceleration
-            yield site.node, _force(weight, "dead", section.center_of_mass_at(site.xi), to_parent)
-    for body in beam.bodies:
-        weight = body.mass * load.acceleration
-        yield _node(mesh, body.xi), _force(weight, "dead", body.offset, to_parent)
+def loaded_mesh(beam: Beam, loads: Sequence[Load]) -> Mesh:
+    """Stations of `beam` and panels that also break where `loads` begin, end or jump.
+
+    Where loads are distributed, a panel has three elements at least: fewer do not integrate them.
+    """
+    breaks = merged_breaks([*beam.breaks, *load_breaks(loads)])
+    least = _LEAST_ELEMENTS if breaks and any(load.is_distributed(beam) for load in loads) else 1
+    return Mesh(beam.grid.stations(breaks, least), beam.grid.panels(breaks, least))
+
+
+#: Elements that a panel between two breaks needs for the quadrature of a distributed load.
+_LEAST_ELEMENTS = 3
+
+
+def station_loads(
+    beam: Beam, loads: Sequence[Load], mesh: Mesh, attitude: AnyExpr | None
+) -> list[StationLoads]:
+    """Formulas and load data for every station of `mesh`; those of `linear_wrench` as one sum.
+
+    Parameters
+    ----------
+    attitude : (3, 3), parent to inertial axes; None if they are the same
+    """
+    to_parent = ca.DM.eye(3) if attitude is None else rotation_matrix("attitude", attitude).T
+    totals: list[AnyExpr] = [None for _ in mesh.stations]
+    others: list[StationLoads] = [[] for _ in mesh.stations]
+    for load in checked_loads(loads):
+        formula = formula_of(load)
+        for node, data in load.contributions(beam, mesh, to_parent):
+            if formula is _LINEAR:
+                totals[node] = data if totals[node] is None else totals[node] + data
+            else:
+                others[node].append((formula, data))
+    return [
+        other if total is None else [(_LINEAR, total), *other]
+        for total, other in zip(totals, others, strict=True)
+    ]
 
 
 def sites(beam: Beam, mesh: Mesh) -> Iterator[Site]:
@@ -185,15 +249,8 @@ def sites(beam: Beam, mesh: Mesh) -> Iterator[Site]:
             yield Site(node, xi, weight * beam.length)
 
 
-def _node(mesh: Mesh, xi: float) -> int:
-    return int(np.argmin(np.abs(mesh.stations - xi)))
-
-
-def _value(name: str, value: Number, xi: float) -> AnyExpr:
-    return expression(f"{name} at xi = {xi}", value(xi), (3, 1)) if callable(value) else value
-
-
-def _force(force: AnyExpr, frame: Frame, offset: AnyExpr, to_parent: AnyExpr) -> AnyExpr:
+def force_data(force: AnyExpr, frame: Frame, offset: AnyExpr, to_parent: AnyExpr) -> AnyExpr:
+    """Data of `linear_wrench` for a force (3, 1), N, at `offset` (3, 1), m, local axes."""
     zero = ca.DM.zeros(3)
     if frame == "follower":
         return ca.vertcat(zero, zero, ca.DM.zeros(9), force, ca.cross(offset, force))
@@ -201,7 +258,8 @@ def _force(force: AnyExpr, frame: Frame, offset: AnyExpr, to_parent: AnyExpr) ->
     return ca.vertcat(fixed, zero, ca.vec(offset @ fixed.T), zero, zero)
 
 
-def _moment(moment: AnyExpr, frame: Frame, to_parent: AnyExpr) -> AnyExpr:
+def moment_data(moment: AnyExpr, frame: Frame, to_parent: AnyExpr) -> AnyExpr:
+    """Data of `linear_wrench` for a moment (3, 1), N m."""
     zero, none = ca.DM.zeros(3), ca.DM.zeros(9)
     if frame == "follower":
         return ca.vertcat(zero, zero, none, zero, moment)

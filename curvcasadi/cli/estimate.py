@@ -6,21 +6,21 @@ import argparse
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import chain as joined
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from tqdm import tqdm
 
 from curvcasadi.beam.basis import CHANNELS
 from curvcasadi.beam.beam import Beam
-from curvcasadi.estimation.ekf.consistency import Tally, summary
-from curvcasadi.estimation.ekf.stream import History, Point, RowStepper, compiled, row_function
-from curvcasadi.files.estimation import INPUT_COLUMNS, EstimationFile, load_estimation
-from curvcasadi.files.log import LogRow, read_log
+from curvcasadi.cli.log_filter import LogFilter
+from curvcasadi.estimation.ekf.consistency import summary
+from curvcasadi.estimation.ekf.stream import Point, RowStepper, compiled, row_function
+from curvcasadi.files.estimation import load_estimation
+from curvcasadi.files.log import read_log
 from curvcasadi.symbolic.expressions import Array
 
 HELP = """\
@@ -60,12 +60,10 @@ left out with a warning, and no error.
 exit codes: 0; 2 after an error in the input; 130 after Ctrl-C.
 """
 
-#: Most samples that a figure keeps, and seconds between writes.
-MOST_SAMPLES, BETWEEN_WRITES = 2000, 0.5
-#: Largest entry of Rᵀ R − I of what counts as a rotation: three digits are enough, and nothing
-#: passes that the filter takes for missing, as no rotation to 1e-2.
-ROTATION_TOLERANCE = 3.5e-3
-MOST_WAITING = 256  #: lines that are written together
+
+MOST_WAITING, BETWEEN_WRITES = 256, 0.5  #: lines that are written together; seconds between them
+
+
 FIGURES = (".png", ".pdf", ".svg")
 
 
@@ -103,7 +101,9 @@ def run(arguments: argparse.Namespace) -> int:
     first = next(rows)
     row = row_function(wing.ekf, points)
     function = compiled(row.function) if arguments.compile else row.function
-    estimation = _Estimation(arguments, wing, RowStepper(function, wing.start), row.columns, first)
+    estimation = LogFilter(
+        arguments.log, wing, RowStepper(function, wing.start), row.columns, first
+    )
     code = 0
     began = time.perf_counter()
     try:
@@ -220,94 +220,6 @@ def _progress(arguments: argparse.Namespace) -> Iterator[Callable[[int], Any]]:
     off = True if arguments.no_progress else None
     with tqdm(desc="estimate", total=total, unit="B", unit_scale=True, disable=off) as bar:
         yield lambda end: bar.update(end - bar.n)
-
-
-class _Estimation:
-    """A filter on its way along a log."""
-
-    def __init__(
-        self,
-        arguments: argparse.Namespace,
-        wing: EstimationFile,
-        stepper: RowStepper,
-        columns: Sequence[str],
-        first: LogRow,
-    ) -> None:
-        self.time = first.time
-        self.count = self.outside = 0
-        self.left = ""  #: where weights were first outside their bounds, in words
-        self.history = History(columns, MOST_SAMPLES)
-        self._log, self._wing, self._stepper = arguments.log, wing, stepper
-        self.tally = Tally.of(wing.ekf.channels)
-        names = wing.columns.inputs
-        self._known = np.full(len(names), np.nan)
-        self._places = {key: [names.index(n) for n in INPUT_COLUMNS[key]] for key in wing.inputs}
-        self._attitudes = _attitudes(wing)
-        self._form = ",".join(["%.9g"] * len(columns))
-        self._lower, self._upper = wing.beam.bounds
-
-    def step(self, row: LogRow) -> str:
-        """The line of the output."""
-        stepper, values = self._stepper, np.array(row.values)
-        for where in self._attitudes:
-            self._check_attitude(row, where, values[where])
-        if self._known.size:
-            self._know(row, values[: self._known.size])
-            values = values[self._known.size :]
-        stepper.inputs["measured"][:] = values
-        stepper.inputs["dt"][:] = row.time - self.time
-        stepper.step()
-        if not np.isfinite(stepper.shown).all():
-            since = f"; weights left weight_bounds {self.left}" if self.outside else ""
-            raise ValueError(
-                f"{self._log}: line {row.line}: expected an estimate, found one that is no "
-                f"number{since}: check the units of the log, time in s, and noise, density and "
-                "deviation"
-            )
-        q = stepper.shown[: self._lower.size]
-        if (q < self._lower).any() or (q > self._upper).any():
-            if not self.outside:
-                self.left = f"in line {row.line}, {row.time - self.time:g} s after the one before"
-            self.outside += 1
-        self.time = row.time
-        self.count += 1
-        self.tally.add(values, stepper.innovation, stepper.used)
-        self.history.add(row.time, stepper.shown)
-        return f"{row.time!r},{self._form % (*stepper.shown,)}"
-
-    def _check_attitude(self, row: LogRow, where: slice, entries: Array) -> None:
-        matrix = entries.reshape(3, 3)  # its transpose: entries stand by columns
-        if np.isnan(matrix).any():
-            return
-        error = np.abs(matrix @ matrix.T - np.eye(3)).max()
-        fault = "a reflection" if np.linalg.det(matrix) < 0 else ""
-        if error > ROTATION_TOLERANCE:
-            fault = f"entries up to {error:.2g}"
-        if fault:
-            names = [*self._wing.columns.inputs, *self._wing.columns.values][where]
-            raise ValueError(
-                f"{self._log}: line {row.line}, columns {names[0]} to {names[-1]}: expected a "
-                "rotation matrix R by columns, entries of RᵀR − I up to "
-                f"{ROTATION_TOLERANCE:g}, found {fault}: {entries.tolist()}"
-            )
-
-    def _know(self, row: LogRow, given: Array) -> None:
-        """Motion of the root keeps its last value."""
-        np.copyto(self._known, given, where=~np.isnan(given))
-        if np.isnan(self._known).any():
-            column = self._wing.columns.inputs[int(np.isnan(self._known).argmax())]
-            raise ValueError(
-                f"{self._log}: line {row.line}, column {column}: expected a number in the first "
-                "sample, as motion of the root keeps its last value; found a missing one"
-            )
-        for key, places in self._places.items():
-            self._stepper.inputs[key][:] = self._known[places]
-
-
-def _attitudes(wing: EstimationFile) -> list[slice]:
-    """Where rows of a log hold the nine entries of rotation matrices."""
-    names = [*wing.columns.inputs, *wing.columns.values]
-    return [slice(k, k + 9) for k, name in enumerate(names) if name.endswith("R_xx")]
 
 
 def _plot(path: Path, beam: Beam, series: dict[str, Array]) -> None:

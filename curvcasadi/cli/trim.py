@@ -16,7 +16,8 @@ from curvcasadi.aircraft.trim import STANDARD_GRAVITY, trim_sweep
 from curvcasadi.aircraft.trim_problem import OBJECTIVES
 from curvcasadi.aircraft.trim_result import TrimResult
 from curvcasadi.errors import ConvergenceError
-from curvcasadi.files.aircraft import load_aircraft, load_density
+from curvcasadi.files.aircraft import read_aircraft, read_density
+from curvcasadi.files.toml_reader import load_table
 from curvcasadi.symbolic.text import table
 
 HELP = """\
@@ -67,9 +68,10 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.out and arguments.out.suffix.lower() != ".csv":
         raise ValueError(f"{arguments.out}: expected a file name that ends in .csv")
     speeds = [speed for text in arguments.speed for speed in _speeds(text)]
-    aircraft = load_aircraft(arguments.aircraft)
+    file = load_table(arguments.aircraft)
+    aircraft = read_aircraft(file)
     if arguments.density is None:
-        arguments.density = load_density(arguments.aircraft)
+        arguments.density = read_density(file)
     if arguments.density is None:
         raise ValueError(
             f"--density: expected kg/m3 here or as density under [air] of {arguments.aircraft}, "

@@ -46,7 +46,11 @@ def load_aircraft(path: str | Path) -> Aircraft:
     OSError
         If it cannot be read.
     """
-    file = toml.load_table(path)
+    return read_aircraft(toml.load_table(path))
+
+
+def read_aircraft(file: toml.Table) -> Aircraft:
+    """Aircraft of an aircraft file that was parsed."""
     if "basis" in file.content:
         raise file.error("expected an aircraft file, found a wing's, with [basis]")
     file.read({"body": toml.table_of(), "beams": toml.TABLES}, _OPTIONAL)
@@ -63,9 +67,8 @@ def load_aircraft(path: str | Path) -> Aircraft:
         return Aircraft(**parts)
 
 
-def load_density(path: str | Path) -> float | None:
+def read_density(file: toml.Table) -> float | None:
     """Density of the air in the table [air] of an aircraft file, kg/m³; None without that table."""
-    file = toml.load_table(path)
     if "air" not in file.content:
         return None
     air = file.table("air")

@@ -3,54 +3,80 @@
 from __future__ import annotations
 
 import csv
+import math
+import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from curvcasadi.files.toml_reader import read_text
+
+
+@dataclass(frozen=True)
+class CsvHeader:
+    """The first line of a CSV file, by which the lines below it are read."""
+
+    path: Path
+    columns: list[str]
+
+    @staticmethod
+    def of(path: Path, text: str) -> CsvHeader:
+        """The header that `text` is."""
+        return CsvHeader(path, [name.strip() for name in cells(text)])
+
+    def error(self, line: int, message: str, column: str = "") -> ValueError:
+        """The error of a line, or of what stands there in a column."""
+        where = f", column {column}" if column else ""
+        return ValueError(f"{self.path}: line {line}{where}: {message}")
+
+    def faults(self, required: Sequence[str], optional: Sequence[str] = ()) -> str:
+        """What is wrong with the columns: missing, unknown or repeated ones; or nothing."""
+        columns = self.columns
+        missing = [name for name in required if name not in columns]
+        unknown = [name for name in columns if name not in (*required, *optional)]
+        repeated = sorted({name for name in columns if columns.count(name) > 1})
+        found = {"no": missing, "the unknown": unknown, "twice": repeated}
+        return "; ".join(f"{fault} {', '.join(names)}" for fault, names in found.items() if names)
+
+    def cells(self, line: int, text: str) -> list[str]:
+        """The cells of a line, one for each column."""
+        found = cells(text)
+        if len(found) != len(self.columns):
+            expected = f"{len(self.columns)} cells, as in line 1"
+            raise self.error(line, f"expected {expected}, found {len(found)}")
+        return found
+
+    def number(self, line: int, column: str, text: str, *, missing: bool = False) -> float:
+        """A cell as a finite number; with `missing` an empty one, or nan, is NaN."""
+        text = text.strip()
+        value = _number(text) if text else math.nan
+        if math.isfinite(value) or (missing and text.lower() in ("", "nan", "+nan", "-nan")):
+            return value
+        also = ", or an empty cell for a missing sample" if missing else ""
+        raise self.error(
+            line, f"expected a finite number{also}, found {reprlib.repr(text)}", column
+        )
 
 
 @dataclass(frozen=True)
 class CsvTable:
     """Texts of a CSV file; row k stands in line k + 2."""
 
-    path: Path
-    header: list[str]
-    rows: list[list[str]]
+    header: CsvHeader
+    lines: list[str]
 
     def row(self, k: int) -> dict[str, str]:
         """The texts of row `k` by column."""
-        found = self.rows[k]
-        if len(found) != len(self.header):
-            raise ValueError(
-                f"{self.path}: line {k + 2}: expected {len(self.header)} values "
-                f"({', '.join(self.header)}), found {len(found)}"
-            )
-        return dict(zip(self.header, (text.strip() for text in found), strict=True))
+        found = self.header.cells(k + 2, self.lines[k])
+        return dict(zip(self.header.columns, (text.strip() for text in found), strict=True))
 
     def error(self, k: int, column: str, message: str) -> ValueError:
-        return ValueError(f"{self.path}: line {k + 2}, column {column}: {message}")
+        """The error of what stands at row `k` of `column`."""
+        return self.header.error(k + 2, message, column)
 
     def number(self, k: int, column: str, text: str) -> float:
         """`text`, which stands at row `k` of `column`, as a finite number."""
-        try:
-            value = float(text)
-        except ValueError:
-            value = np.nan
-        if not np.isfinite(value):
-            raise self.error(k, column, f"expected a finite number, found {text!r}")
-        return value
-
-    def faults(self, required: Sequence[str], optional: Sequence[str] = ()) -> str:
-        """What is wrong with the header: columns missing, unknown or repeated; or nothing."""
-        header = self.header
-        missing = [name for name in required if name not in header]
-        unknown = [name for name in header if name not in (*required, *optional)]
-        repeated = sorted({name for name in header if header.count(name) > 1})
-        found = {"no": missing, "the unknown": unknown, "twice": repeated}
-        return "; ".join(f"{fault} {', '.join(names)}" for fault, names in found.items() if names)
+        return self.header.number(k + 2, column, text)
 
 
 def load_csv(path: str | Path) -> CsvTable:
@@ -65,6 +91,29 @@ def load_csv(path: str | Path) -> CsvTable:
     """
     path = Path(path)
     # Line by line: a line break within quotes would hide which line a row stands in.
-    lines = [next(csv.reader([line]), []) for line in read_text(path).rstrip().splitlines()]
-    header = [name.strip() for name in lines[0]] if lines else []
-    return CsvTable(path, header, lines[1:])
+    first, *lines = read_text(path).rstrip().splitlines() or [""]
+    return CsvTable(CsvHeader.of(path, first), lines)
+
+
+def cells(text: str) -> list[str]:
+    """The cells of a line; none of an empty one."""
+    return next(csv.reader([text]), []) if '"' in text or not text else text.split(",")
+
+
+def is_plain(text: str) -> bool:
+    """Whether what Python reads as a number is one in other programs, too: no 1_000, no digits of
+    other scripts."""
+    return text.isascii() and "_" not in text
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell holds a number, nan and inf included."""
+    return not math.isnan(_number(text)) or text.strip().lower().lstrip("+-") == "nan"
+
+
+def _number(text: str) -> float:
+    """A number; NaN for what is none."""
+    try:
+        return float(text) if is_plain(text) else math.nan
+    except ValueError:
+        return math.nan

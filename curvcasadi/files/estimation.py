@@ -16,7 +16,7 @@ from curvcasadi import sensors as kinds
 from curvcasadi.beam.beam import Beam
 from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf, shape_ekf
 from curvcasadi.files import toml_reader as toml
-from curvcasadi.files.wing import load_wing, root_of
+from curvcasadi.files.wing import read_wing, root_of
 from curvcasadi.lie import so3
 from curvcasadi.sensors import RootMotion, Sensor
 from curvcasadi.sensors.channels import sensor_channels
@@ -127,8 +127,8 @@ def load_estimation(path: str | Path) -> EstimationFile:
     OSError
         If it cannot be read.
     """
-    beam = load_wing(path).beam
     file = toml.load_table(path)
+    beam = read_wing(file).beam
     tables = file.tables("sensors")
     if not tables:
         raise file.error("sensors: expected one or more tables [[sensors]], found none")

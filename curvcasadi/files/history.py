@@ -50,14 +50,14 @@ def load_weights(
     table = load_csv(path)
     names = [f"q{k}" for k in range(n)]
     _check_header(table, names, labels or [""] * n)
-    samples = np.array([_sample(table, k) for k in range(len(table.rows))])
+    columns = table.header.columns
+    samples = np.array([_sample(table, k) for k in range(len(table.lines))])
     if not len(samples):
-        columns = ", ".join(table.header)
-        raise ValueError(f"{path}: line 2: expected a sample of {columns}, found none")
-    times = samples[:, table.header.index("time")] if "time" in table.header else None
+        raise table.header.error(2, f"expected a sample of {', '.join(columns)}, found none")
+    times = samples[:, columns.index("time")] if "time" in columns else None
     if times is not None:
         _check_times(table, times)
-    return times, samples[:, [table.header.index(name) for name in names]]
+    return times, samples[:, [columns.index(name) for name in names]]
 
 
 def _sample(table: CsvTable, k: int) -> list[float]:
@@ -65,15 +65,13 @@ def _sample(table: CsvTable, k: int) -> list[float]:
 
 
 def _check_header(table: CsvTable, names: Sequence[str], labels: Sequence[str]) -> None:
-    found = table.faults(names, ["time"])
+    found = table.header.faults(names, ["time"])
     if found:
         columns = ", ".join(
             f"{name} {label}".strip() for name, label in zip(names, labels, strict=True)
         )
-        raise ValueError(
-            f"{table.path}: line 1: expected {len(names)} columns of weights ({columns}) and "
-            f"optionally time, found {found}"
-        )
+        expected = f"{len(names)} columns of weights ({columns}) and optionally time"
+        raise table.header.error(1, f"expected {expected}, found {found}")
 
 
 def _check_times(table: CsvTable, times: Array) -> None:

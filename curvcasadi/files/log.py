@@ -5,16 +5,13 @@ Errors read `path: line 17, column gyro_1_y: expected …, found …`.
 
 from __future__ import annotations
 
-import csv
 import math
-import reprlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
 from typing import NamedTuple
 
-from curvcasadi.files.csv_reader import CsvTable
+from curvcasadi.files.csv_reader import CsvHeader, is_number, is_plain
 
 LONGEST_LINE = 1 << 20  #: bytes; what holds no line ends is no log
 
@@ -28,16 +25,10 @@ class LogRow(NamedTuple):
     values: list[float]  #: in the order of the columns asked for; NaN is a missing sample
 
 
-@dataclass(frozen=True)
-class _Log:
-    path: Path
-    header: list[str]
+class _Log(NamedTuple):
+    header: CsvHeader
     order: list[int]  #: places of time and of the columns asked for
     size: int  #: bytes of the header
-
-    def error(self, line: int, message: str, place: int | None = None) -> ValueError:
-        column = "" if place is None else f", column {self.header[place]}"
-        return ValueError(f"{self.path}: line {line}{column}: {message}")
 
 
 def read_log(
@@ -77,59 +68,58 @@ def read_log(
 
 def _log(path: Path, raw: bytes, columns: list[str]) -> _Log:
     text = _text(path, 1, raw.removeprefix(b"\xef\xbb\xbf"))
-    header = [name.strip() for name in _cells(text)]
-    fault = CsvTable(path, header, []).faults(columns)
+    header = CsvHeader.of(path, text)
+    fault, found = header.faults(columns), header.columns
     if not text.strip():
         fault = "an empty line or file"
-    elif all(_is_number(name) for name in header):
+    elif all(map(is_number, found)):
         fault = "only numbers"
-    elif len(header) < len(columns) == len(text.split(";")):
+    elif len(found) < len(columns) == len(text.split(";")):
         fault = "semicolons between them: write commas, and points in numbers"
-    elif len(header) < len(columns) == len(text.split("\t")):
+    elif len(found) < len(columns) == len(text.split("\t")):
         fault = "tabs between them: write commas"
     if fault:
-        raise ValueError(
-            f"{path}: line 1: expected names of columns, found {fault}; all columns expected: "
-            f"{','.join(columns)}"
+        raise header.error(
+            1,
+            f"expected names of columns, found {fault}; all columns expected: {','.join(columns)}",
         )
-    return _Log(path, header, [header.index(name) for name in columns], len(raw))
+    return _Log(header, [found.index(name) for name in columns], len(raw))
 
 
 def _rows(file: BufferedReader, log: _Log, warn: Callable[[str], None]) -> Iterator[LogRow]:
-    before, line, end = -math.inf, 1, log.size
+    header, before, line, end = log.header, -math.inf, 1, log.size
     with file:
         while raw := file.readline(LONGEST_LINE):
             line, end = line + 1, end + len(raw)
-            if (fault := _cut(log, raw)) and not file.peek(1):
+            if (fault := _cut(raw, len(header.columns))) and not file.peek(1):
                 if before == -math.inf:
-                    raise log.error(line, f"{fault}, and no sample before")
-                warn(
-                    f"{log.path}: line {line}: {fault}; the last line is left out, as it seems cut "
-                    "off: if it is whole, end it with a line end"
-                )
+                    raise header.error(line, f"{fault}, and no sample before")
+                left_out = "the last line is left out, as it seems cut off"
+                whole = "if it is whole, end it with a line end"
+                warn(f"{header.error(line, fault)}; {left_out}: {whole}")
                 break
-            text = _text(log.path, line, raw)
+            text = _text(header.path, line, raw)
             if not text.strip():
                 continue
             time, *values = _numbers(log, line, text)
-            _check_time(log, line, time, before)
+            _check_time(header, line, time, before)
             before = time
             yield LogRow(line, end, time, values)
     if before == -math.inf:
-        raise log.error(line + 1, "expected a sample, found the end of the file")
+        raise header.error(line + 1, "expected a sample, found the end of the file")
 
 
-def _cut(log: _Log, raw: bytes) -> str:
+def _cut(raw: bytes, columns: int) -> str:
     """What makes a line look cut off; nothing for one that does not."""
     if not raw.endswith(b"\n"):
         return "expected a line end, found none"
     if not raw.strip():
         return ""
     commas, last = raw.count(b","), raw[raw.rfind(b",") + 1 :].strip().decode("latin-1")
-    if commas + 1 < len(log.header):
-        return f"expected {len(log.header)} cells, found {commas + 1}"
-    beginning = "nan".startswith(last.lower()) or _is_number(last + "0")
-    if last and beginning and not _is_number(last):
+    if commas + 1 < columns:
+        return f"expected {columns} cells, found {commas + 1}"
+    beginning = "nan".startswith(last.lower()) or is_number(last + "0")
+    if last and beginning and not is_number(last):
         return f"expected a number at the end, found {last!r}"
     return ""
 
@@ -149,56 +139,24 @@ def _text(path: Path, line: int, raw: bytes) -> str:
     return text
 
 
-def _cells(text: str) -> list[str]:
-    return next(csv.reader([text]), []) if '"' in text else text.split(",")
-
-
 def _numbers(log: _Log, line: int, text: str) -> list[float]:
-    """Numbers of a line, in the order asked for."""
-    cells = _cells(text)
-    if len(cells) != len(log.header):
-        raise log.error(line, f"expected {len(log.header)} cells, as in line 1, found {len(cells)}")
+    """Numbers of a line, in the order asked for; NaN for missing samples."""
+    cells = log.header.cells(line, text)
     try:
         numbers = [float(cells[k]) for k in log.order]
-        plain = _is_plain(text)
+        plain = is_plain(text) and not any(map(math.isinf, numbers))
     except ValueError:
         plain = False
-    if not plain:
-        numbers = [_number(log, line, k, cells[k].strip()) for k in log.order]
-    if math.inf in numbers or -math.inf in numbers:
-        place = log.order[[math.isinf(number) for number in numbers].index(True)]
-        message = "expected a finite number, or an empty cell for a missing sample, found "
-        raise log.error(line, f"{message}{cells[place].strip()!r}", place)
-    return numbers
+    if plain:
+        return numbers
+    names = log.header.columns
+    return [log.header.number(line, names[k], cells[k], missing=True) for k in log.order]
 
 
-def _number(log: _Log, line: int, place: int, text: str) -> float:
-    if not text:
-        return math.nan
-    if not _is_number(text):
-        expected = "expected a number, or an empty cell for a missing sample"
-        raise log.error(line, f"{expected}, found {reprlib.repr(text)}", place)
-    return float(text)
-
-
-def _is_plain(text: str) -> bool:
-    """Whether what Python reads as a number is one in other programs, too: no 1_000, no digits of
-    other scripts."""
-    return text.isascii() and "_" not in text
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return _is_plain(text)
-
-
-def _check_time(log: _Log, line: int, time: float, before: float) -> None:
+def _check_time(header: CsvHeader, line: int, time: float, before: float) -> None:
     if not time > before:
         if math.isnan(time):
-            raise log.error(line, "expected a time, s, found a missing one", log.order[0])
+            raise header.error(line, "expected a time, s, found a missing one", "time")
         found = f"found {time!r}: sort the lines by time, each time once"
         expected = f"expected above {before!r} s, the time of the sample before"
-        raise log.error(line, f"{expected}, {found}", log.order[0])
+        raise header.error(line, f"{expected}, {found}", "time")

@@ -64,11 +64,10 @@ def load_modes(path: str | Path, *, length: float | None = None) -> Modes:
         If the file cannot be read.
     """
     table = load_csv(path)
-    found = table.faults(COLUMNS)
+    found = table.header.faults(COLUMNS)
     if found:
-        columns = ", ".join(COLUMNS)
-        raise ValueError(f"{path}: line 1: expected the columns {columns}, found {found}")
-    texts = [table.row(k) for k in range(len(table.rows))]
+        raise table.header.error(1, f"expected the columns {', '.join(COLUMNS)}, found {found}")
+    texts = [table.row(k) for k in range(len(table.lines))]
     lines = _lines_by_mode(table, texts)
     _check_stations(table, texts, lines)
     blocks = np.array([*lines.values()])
@@ -105,7 +104,7 @@ def _lines_by_mode(table: CsvTable, texts: list[dict[str, str]]) -> dict[str, li
             raise table.error(k, "mode", "expected the name of a mode, found ''")
         lines.setdefault(row["mode"], []).append(k)
     if not lines:
-        raise ValueError(f"{table.path}: line 2: expected a station of a mode, found none")
+        raise table.header.error(2, "expected a station of a mode, found none")
     return lines
 
 
@@ -138,5 +137,5 @@ def _in_metres(table: CsvTable, s: Array, length: float | None) -> Array:
         if np.isclose(s[-1], tip, rtol=1e-6, atol=0):
             return s * (length / s[-1])
     raise table.error(
-        len(table.rows) - 1, "s", f"expected 1 or {length:g} m, the tip, last, found {s[-1]:g}"
+        len(table.lines) - 1, "s", f"expected 1 or {length:g} m, the tip, last, found {s[-1]:g}"
     )

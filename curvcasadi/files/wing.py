@@ -69,7 +69,11 @@ def load_wing(path: str | Path) -> WingFile:
     OSError
         If it cannot be read.
     """
-    file = toml.load_table(path)
+    return read_wing(toml.load_table(path))
+
+
+def read_wing(file: toml.Table) -> WingFile:
+    """Beam and loads of a wing file that was parsed."""
     if "beams" in file.content:
         raise file.error("expected a wing file, found an aircraft's, with [[beams]]")
     required = dict.fromkeys(("beam", "basis", "grid"), toml.table_of())

@@ -256,7 +256,7 @@ class TestErrors:
             (f"{HEADER},f\n", f"line 1: expected the columns {', '.join(COLUMNS)}, found the "
              "unknown f"),
             (f"{HEADER}\n", "line 2: expected a station of a mode, found none"),
-            (f"{HEADER}\n1,0,0,0,0,0,0\n", "line 2: expected 8 values (mode, s, "),
+            (f"{HEADER}\n1,0,0,0,0,0,0\n", "line 2: expected 8 cells, as in line 1, found 7"),
             (f"{HEADER}\n,0,0,0,0,0,0,0\n", "line 2, column mode: expected the name of a mode, "
              "found ''"),
             (f"{HEADER}\n1,0,0,0,0,0,0,0\n1,1,0,0,nan,0,0.1,0\n",

@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -393,9 +394,21 @@ def test_other_commands_take_a_wing_with_sensors(wing, capsys):
     assert main(["shape", str(HALE_WING)]) == 0
 
 
+def test_a_wing_file_with_sensors_is_parsed_once(wing, monkeypatch):
+    parsed, parse = [], tomllib.loads
+
+    def loads(text):
+        parsed.append(text)
+        return parse(text)
+
+    monkeypatch.setattr(tomllib, "loads", loads)
+    load_estimation(wing)
+    assert len(parsed) == 1
+
+
 # The log ---------------------------------------------------------------------------------------
 
-NUMBER = "expected a number, or an empty cell for a missing sample, found"
+NUMBER = "expected a finite number, or an empty cell for a missing sample, found"
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import curvcasadi as cc
 from benchmarks import estimation
-from curvcasadi.cli.estimate import ROTATION_TOLERANCE
+from curvcasadi.cli.log_filter import ROTATION_TOLERANCE
 from curvcasadi.estimation import ud
 from curvcasadi.lie import so3
 from curvcasadi.sensors.readout import Readout

@@ -570,9 +570,9 @@ class TestWeightFile:
             ("0.1,0.2\n", "line 1: expected 2 columns of weights (q0, q1) and optionally time, "
              "found no q0, q1; the unknown 0.1, 0.2"),
             ("q0,q1\n", "line 2: expected a sample of q0, q1, found none"),
-            ("q0,q1\n1,2\n1\n", "line 3: expected 2 values (q0, q1), found 1"),
-            ("q0,q1\n1,2\n\n1,2\n", "line 3: expected 2 values (q0, q1), found 0"),
-            ("q0,q1\n1,2,3\n", "line 2: expected 2 values (q0, q1), found 3"),
+            ("q0,q1\n1,2\n1\n", "line 3: expected 2 cells, as in line 1, found 1"),
+            ("q0,q1\n1,2\n\n1,2\n", "line 3: expected 2 cells, as in line 1, found 0"),
+            ("q0,q1\n1,2,3\n", "line 2: expected 2 cells, as in line 1, found 3"),
             ("q0,q1\n1, abc\n", "line 2, column q1: expected a finite number, found 'abc'"),
             ("q0,q1\n1,2\nnan,2\n", "line 3, column q0: expected a finite number, found 'nan'"),
             ("q0,q1\n1,\n", "line 2, column q1: expected a finite number, found ''"),

@@ -6,24 +6,127 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from curvcasadi.symbolic.expressions import (
-    Real,
-)
+from curvcasadi.lie import quaternion
+from curvcasadi.symbolic.expressions import Array, Real
 from curvcasadi.symbolic.layout import Layout
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class SecondOrder:
+    """Equations of motion of a second-order model, in the form that its integrators use.
+
+        configuration rate = kinematics(x)
+        balance(x, acceleration, u, p) = 0
+        rate of the other parts = other_rates(x, acceleration, u, p)
+
+    The state holds the parts of the configuration, then the velocities, then the others (lag
+    states of the air, say), so its error state has nv, nv and no entries.
+
+    Attributes
+    ----------
+    configuration : int
+        How many parts of the state form the configuration.
+    velocities : int
+        nv, the number of velocities and of error states of the configuration.
+    kinematics : casadi.Function
+        (x) -> rate (nv, 1) of the configuration's error state: body rate of an attitude, rad/s,
+        and derivatives of the other parts.
+    balance : casadi.Function
+        (x, acceleration, u, p) -> balance (nv, 1), other_rates (no, 1). `acceleration` (nv, 1)
+        holds the derivatives of the velocities. Its derivatives are attached and structured.
+    mass_matrix : casadi.Function
+        (x) -> (nv, nv), the derivative of the balance by the acceleration without that of the air.
+    stiffness, damping : array, shape (nv, nv)
+        Constant parts of the derivatives of the balance by configuration and velocities: what makes
+        it stiff.
+    """
+
+    configuration: int
+    velocities: int
+    kinematics: ca.Function
+    balance: ca.Function
+    mass_matrix: ca.Function
+    stiffness: Array
+    damping: Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ControlModel:
-    """dx/dt = xdot(x, u, p), y = output(x, u, p), in SI units; bounds stand in the layouts."""
+    """dx/dt = xdot(x, u, p), y = output(x, u, p), in SI units.
+
+    Attributes
+    ----------
+    name : str
+        Its name, also in generated C.
+    x, u, p, y : Layout
+        Named parts of state, input, parameter and output, with their units and bounds. A part may
+        be an attitude.
+    xdot : casadi.Function
+        (x, u, p) -> xdot (nx, 1).
+    output : casadi.Function
+        (x, u, p) -> y (ny, 1).
+    real : {"double", "float"}
+        Arithmetic that the model is made for, as in `Grid`.
+    angles : casadi.Function or None
+        (x) -> squared angles of elements over what they may turn, of those that the bounds of x do
+        not keep from it.
+    second_order : SecondOrder or None
+        Its equations of motion, where it has inertia.
+    """
 
     name: str
     x: Layout
     u: Layout
     p: Layout
     y: Layout
-    xdot: ca.Function  #: (x, u, p) -> xdot
-    output: ca.Function  #: (x, u, p) -> y
-    real: Real = "double"  #: arithmetic that it is made for, as in `Grid`
-    #: (x) -> squared angles of elements over what they may turn, of those that the bounds of x do
-    #: not keep from it
+    xdot: ca.Function
+    output: ca.Function
+    real: Real = "double"
     angles: ca.Function | None = None
+    second_order: SecondOrder | None = None
+
+    @property
+    def residual(self) -> ca.Function:
+        """(x, x_dot, u, p) -> residual (nx, 1), zero along solutions; inertia is not inverted.
+
+        For a second-order model (rate − kinematics, balance, rate − other_rates), else
+        x_dot − xdot(x, u, p).
+        """
+        x, x_dot = ca.MX.sym("x", self.x.size), ca.MX.sym("x_dot", self.x.size)
+        u, p = ca.MX.sym("u", self.u.size), ca.MX.sym("p", self.p.size)
+        if self.second_order is None:
+            residual = x_dot - self.xdot(x, u, p)
+        else:
+            residual = _second_order_residual(self, self.second_order, x, x_dot, u, p)
+        names = ["x", "x_dot", "u", "p"]
+        return ca.Function(
+            f"{self.name}_residual", [x, x_dot, u, p], [residual], names, ["residual"]
+        )
+
+
+def _second_order_residual(
+    model: ControlModel, motion: SecondOrder, x: ca.MX, x_dot: ca.MX, u: ca.MX, p: ca.MX
+) -> ca.MX:
+    n_others = motion.balance.size1_out("other_rates")
+    acceleration, others = x_dot[-(n_others + motion.velocities) :], ca.MX(0, 1)
+    if n_others:
+        ends = [0, motion.velocities, acceleration.numel()]
+        acceleration, others = ca.vertsplit(acceleration, ends)
+    balance, other_rates = motion.balance(x, acceleration, u, p)
+    rates = configuration_rates(model.x, motion, x)
+    return ca.vertcat(x_dot[: rates.numel()] - rates, balance, others - other_rates)
+
+
+def configuration_rates(layout: Layout, motion: SecondOrder, x: ca.MX) -> ca.MX:
+    """Derivatives of the components of the configuration, by its kinematics."""
+    parts = layout.parts[: motion.configuration]
+    values = layout.split(x)
+    rates = Layout(parts).errors.split(motion.kinematics(x))
+    return ca.vertcat(
+        *(
+            quaternion.rate(values[part.name], rates[part.name])
+            if part.attitude
+            else rates[part.name]
+            for part in parts
+        )
+    )

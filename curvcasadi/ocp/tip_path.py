@@ -5,8 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from curvcasadi.control.integrators import rk4_step
 from curvcasadi.control.model import ControlModel
+from curvcasadi.control.step import rk4_step
 from curvcasadi.lie import so3
 from curvcasadi.ocp.targets import rotation_defect
 from curvcasadi.solvers.certificate import TOLERANCES, Bounds, larger

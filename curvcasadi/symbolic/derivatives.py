@@ -18,6 +18,7 @@ def with_jacobian(
     slopes: Mapping[str, AnyExpr],
     *,
     held: Collection[str] = (),
+    nominal: Mapping[str, AnyExpr] | None = None,
 ) -> ca.Function:
     """A `casadi.Function` whose derivatives are `slopes` instead of those of its expressions.
 
@@ -42,6 +43,9 @@ def with_jacobian(
         output without one is a value only: its derivatives are NaN, never silently zero.
     held : collection of str
         Inputs by which no derivative is taken.
+    nominal : mapping of str to SX or MX symbols, optional
+        Symbols in `slopes` that stand for values of the outputs: what an implicit function needs,
+        whose slopes are known where its value is.
 
     Returns
     -------
@@ -61,8 +65,9 @@ def with_jacobian(
         for key, symbol in inputs.items():
             empty = kind(shape[0], symbol.numel())
             blocks[f"jac_{output}_{key}"] = empty if key in held else next(pieces)
-    nominal = {f"out_{key}": kind.sym(f"out_{key}", *value.shape) for key, value in outputs.items()}
-    arguments = {**inputs, **nominal}
+    results = {key: kind.sym(f"out_{key}", *value.shape) for key, value in outputs.items()}
+    results |= nominal or {}
+    arguments = {**inputs, **{f"out_{key}": results[key] for key in outputs}}
     jacobian = ca.Function(
         f"jac_{name}",
         [*arguments.values()],

@@ -14,13 +14,35 @@ from curvcasadi.symbolic.expressions import Array, Expr, expression
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One named part of a stacked vector: its size, unit and bounds."""
+    """One named part of a stacked vector.
+
+    Attributes
+    ----------
+    name : str
+        Its name, different from those of the other parts.
+    size : int
+        Number of entries.
+    unit : str
+        Unit of every entry, "1" without one.
+    lower, upper : float or array, shape (size,)
+        Bounds; infinite unless given.
+    attitude : bool
+        Whether the part is a unit quaternion, scalar first. Its error state is a rotation vector
+        (3, 1) in local axes.
+    """
 
     name: str
     size: int
     unit: str
-    lower: float | Array = -np.inf  #: a number or (size,)
-    upper: float | Array = np.inf  #: a number or (size,)
+    lower: float | Array = -np.inf
+    upper: float | Array = np.inf
+    attitude: bool = False
+
+    def __post_init__(self) -> None:
+        if self.attitude and self.size != 4:
+            raise ValueError(
+                f"{self.name}: expected the 4 entries of a quaternion, found {self.size}"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +60,13 @@ class Layout:
     def size(self) -> int:
         """Length of the vector."""
         return sum(part.size for part in self.parts)
+
+    @property
+    def errors(self) -> Layout:
+        """The layout of error states: a rotation vector, rad, for each attitude."""
+        return Layout(
+            tuple(Part(p.name, 3, "rad") if p.attitude else p for p in self.parts),
+        )
 
     @property
     def labels(self) -> tuple[str, ...]:

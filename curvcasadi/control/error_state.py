@@ -1,0 +1,80 @@
+"""Error states of models whose state holds attitudes.
+
+An attitude is a unit quaternion in the state and a rotation vector δ, rad, in local axes in the
+error state; every other part is its own difference:
+
+    retract:     R ← R exp(δ),    x ← x + δ
+    difference:  the δ that takes one state to the other
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from curvcasadi.control.model import ControlModel
+from curvcasadi.lie import quaternion
+from curvcasadi.symbolic.expressions import Expr, expression, instance
+from curvcasadi.symbolic.layout import Layout
+
+
+def retract(model: ControlModel, x: Expr, dx: Expr) -> Expr:
+    """The state that lies `dx` from `x`.
+
+    Parameters
+    ----------
+    model : ControlModel
+        The model whose state it is.
+    x : SX, MX, DM or array, shape (nx, 1)
+        State.
+    dx : SX, MX, DM or array, shape (nd, 1)
+        Error state, laid out as `model.x.errors`: three entries for each attitude.
+
+    Returns
+    -------
+    SX, MX or DM, shape (nx, 1)
+        For a unit quaternion in `x` a unit quaternion again.
+    """
+    layout = instance("model", model, ControlModel).x
+    x = expression("x", x, (layout.size, 1))
+    return add(layout, x, expression("dx", dx, (layout.errors.size, 1)))
+
+
+def difference(model: ControlModel, x: Expr, y: Expr) -> Expr:
+    """The error state that takes `x` to `y`, so that ``retract(model, x, dx)`` is `y`.
+
+    Parameters
+    ----------
+    model : ControlModel
+        The model whose states they are.
+    x, y : SX, MX, DM or array, shape (nx, 1)
+        States.
+
+    Returns
+    -------
+    SX, MX or DM, shape (nd, 1)
+        Error state, laid out as `model.x.errors`; attitudes the shorter way round.
+    """
+    layout = instance("model", model, ControlModel).x
+    starts = layout.split(expression("x", x, (layout.size, 1)))
+    ends = layout.split(expression("y", y, (layout.size, 1)))
+    pieces = []
+    for part in layout.parts:
+        start, end = starts[part.name], ends[part.name]
+        if part.attitude:
+            pieces.append(quaternion.log(quaternion.product(quaternion.conjugate(start), end)))
+        else:
+            pieces.append(end - start)
+    return ca.vertcat(*pieces)
+
+
+def add(layout: Layout, x: Expr, dx: Expr) -> Expr:
+    """`retract` without checks, for any layout."""
+    steps = layout.errors.split(dx)
+    pieces = []
+    for part, start in layout.split(x).items():
+        step = steps[part]
+        if start.numel() == step.numel():
+            pieces.append(start + step)
+        else:
+            pieces.append(quaternion.product(start, quaternion.exp(step)))
+    return ca.vertcat(*pieces)

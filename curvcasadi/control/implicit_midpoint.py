@@ -1,0 +1,223 @@
+"""The implicit midpoint rule for models with inertia, attitudes on the group.
+
+The unknowns are the rates z = (a, l) of the velocities v and of the parts o of first order. With
+c ⊕ δ for a configuration c that is moved by the error state δ, m for the middle of the step:
+
+    v_m = v + h/2 a,   o_m = o + h/2 l,   c_m = c ⊕ h/2 κ,   κ = kinematics(c_m, v_m)
+    balance(x_m, a, u, p) = 0,   l = other_rates(x_m, a, u, p)
+    v⁺ = v + h a,      o⁺ = o + h l,      c⁺ = c ⊕ h κ
+
+The rule is symmetric in time, of order 2, and stable for what is linear and stiff at any step. The
+iteration a ← a − A⁻¹ balance with A = M(x) + h/2 C + h²/4 S, constant over the step, takes no
+derivative of the balance; Newton's takes all of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.control.error_state import add
+from curvcasadi.control.model import ControlModel, SecondOrder
+from curvcasadi.symbolic.derivatives import with_jacobian
+from curvcasadi.symbolic.expressions import AnyExpr
+from curvcasadi.symbolic.layout import Layout
+
+#: Relative correction of the rates at which an implicit step has converged.
+TOLERANCE = 1e-10
+#: Most iterations of a step.
+ITERATIONS = 30
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Midpoint:
+    """The rule for one model, and how its equations are solved."""
+
+    model: ControlModel
+    motion: SecondOrder
+    newton: bool = False
+    iterations: int = ITERATIONS
+    tolerance: float = TOLERANCE
+
+    @property
+    def n_rates(self) -> int:
+        """Number of unknown rates."""
+        return self.motion.velocities + int(self.motion.balance.size1_out("other_rates"))
+
+    @property
+    def symbols(self) -> list[ca.MX]:
+        """x, u and p."""
+        model = self.model
+        layouts = {"x": model.x, "u": model.u, "p": model.p}
+        return [ca.MX.sym(name, layout.size) for name, layout in layouts.items()]
+
+    @property
+    def configuration(self) -> Layout:
+        """The parts of the configuration."""
+        return Layout(self.model.x.parts[: self.motion.configuration])
+
+
+def midpoint_step(rule: Midpoint, h: float) -> ca.Function:
+    """(x, u, p) -> x_next, residual, with the Jacobian of the implicit function."""
+    x, u, p = rule.symbols
+    x_next, residual, _, _ = midpoint_solver(rule)(x, u, p, h, ca.DM.zeros(rule.n_rates))
+    end = ca.MX.sym("out_x_next", rule.model.x.size)
+    return with_jacobian(
+        f"{rule.model.name}_step",
+        {"x": x, "u": u, "p": p},
+        {"x_next": x_next, "residual": residual},
+        {"x_next": _slope(rule, h, x, u, p, end)},
+        nominal={"x_next": end},
+    )
+
+
+def midpoint_solver(rule: Midpoint) -> ca.Function:
+    """(x, u, p, h, guess) -> x_next, residual, rates, iterations.
+
+    `guess` and `rates` are z; `residual` is the last correction of the accelerations over their
+    size, NaN where the iteration left the numbers; `iterations` counts balances.
+    """
+    x, u, p = rule.symbols
+    h, guess = ca.MX.sym("h"), ca.MX.sym("guess", rule.n_rates)
+    matrix = _matrix(rule, h, x)
+    loop = _loop(rule)
+    z, residual, count = loop(guess, x, u, p, h, matrix, _elastic_size(rule, x, matrix))
+    return ca.Function(
+        f"{rule.model.name}_midpoint",
+        [x, u, p, h, guess],
+        [after(rule, h, 1.0, x, z), residual, z, count],
+        ["x", "u", "p", "h", "guess"],
+        ["x_next", "residual", "rates", "iterations"],
+    )
+
+
+def after(rule: Midpoint, h: AnyExpr, share: float, x: ca.MX, z: ca.MX) -> ca.MX:
+    """The state after a share of the step, ½ or 1, with the rates z."""
+    nv = rule.motion.velocities
+    c, v, o = _split(rule, x)
+    a, rates = ca.vertsplit(z, [0, nv, rule.n_rates])
+    v_middle = v + h / 2 * a
+    kappa = rule.motion.kinematics(ca.vertcat(c, v_middle, o))
+    if any(part.attitude for part in rule.configuration.parts):
+        # Body rates do not depend on the attitude, so one more evaluation is exact.
+        turned = add(rule.configuration, c, h / 2 * kappa)
+        kappa = rule.motion.kinematics(ca.vertcat(turned, v_middle, o))
+    moved = add(rule.configuration, c, share * h * kappa)
+    return ca.vertcat(moved, v + share * h * a, o + share * h * rates)
+
+
+def errors(rule: Midpoint, h: AnyExpr, x: ca.MX, u: ca.MX, p: ca.MX, z: ca.MX) -> ca.MX:
+    """What is zero at the solution: the balance at the middle, and l − other_rates."""
+    nv = rule.motion.velocities
+    balance, rates = rule.motion.balance(after(rule, h, 0.5, x, z), z[:nv], u, p)
+    return ca.vertcat(balance, z[nv:] - rates)
+
+
+def _split(rule: Midpoint, x: ca.MX) -> list[ca.MX]:
+    """Configuration, velocities, and parts of first order."""
+    start = rule.configuration.size
+    pieces: list[ca.MX] = ca.vertsplit(
+        x, [0, start, start + rule.motion.velocities, rule.model.x.size]
+    )
+    return pieces
+
+
+def _matrix(rule: Midpoint, h: ca.MX, x: ca.MX) -> ca.MX:
+    motion = rule.motion
+    constant = h / 2 * ca.DM(motion.damping) + h**2 / 4 * ca.DM(motion.stiffness)
+    return ca.densify(motion.mass_matrix(x) + constant)
+
+
+def _elastic_size(rule: Midpoint, x: ca.MX, matrix: ca.MX) -> ca.MX:
+    """|A⁻¹ S c|: accelerations are known to rounding of these, not better."""
+    parts = rule.configuration.split(_split(rule, x)[0])
+    errors = [
+        ca.MX(3, 1) if part.attitude else parts[part.name] for part in rule.configuration.parts
+    ]
+    force = ca.densify(ca.DM(rule.motion.stiffness) @ ca.vertcat(*errors))
+    return ca.norm_1(ca.solve(matrix, force, "ldl"))
+
+
+def _loop(rule: Midpoint) -> ca.Function:
+    """(z, x, u, p, h, A, elastic size) -> z, residual, count.
+
+    A loop in generated C too, which iterates while the last correction was too large. CasADi's
+    `fold` has no constants, so they are handed through.
+    """
+    names = ["z", "residual", "count", "x", "u", "p", "h", "A", "elastic"]
+    nv = rule.motion.velocities
+    z, residual, count = ca.MX.sym("z", rule.n_rates), ca.MX.sym("residual"), ca.MX.sym("count")
+    constants = [*rule.symbols, ca.MX.sym("h"), ca.MX.sym("A", nv, nv), ca.MX.sym("elastic")]
+    z_next, correction = _iteration(rule, z, *constants)
+    state = [z, residual, count, *constants]
+    iterate = ca.Function(
+        "iterate",
+        state,
+        [z_next, correction, count + 1, *constants],
+        names,
+        [f"{n}_" for n in names],
+    )
+    keep = ca.Function("keep", state, state, names, [f"{n}_" for n in names])
+    iterate_or_keep = ca.Function.if_else("iterate_or_keep", iterate, keep)
+
+    packed = ca.MX.sym("state", sum(piece.numel() for piece in state))
+    pieces = ca.vertsplit(packed, np.cumsum([0, *(piece.numel() for piece in state)]).tolist())
+    pieces = [ca.reshape(new, *old.shape) for new, old in zip(pieces, state, strict=True)]
+    goes_on = pieces[1] > rule.tolerance
+    body = ca.Function("body", [packed], [ca.veccat(*iterate_or_keep.call([goes_on, *pieces]))])
+    start = ca.veccat(z, np.inf, 0, *constants)
+    end = body.fold(rule.iterations)(start)
+    n = z.numel()
+    return ca.Function("loop", [z, *constants], [end[:n], end[n], end[n + 1]])
+
+
+def _iteration(
+    rule: Midpoint,
+    z: ca.MX,
+    x: ca.MX,
+    u: ca.MX,
+    p: ca.MX,
+    h: ca.MX,
+    matrix: ca.MX,
+    elastic: ca.MX,
+) -> tuple[ca.MX, ca.MX]:
+    """Better rates, and the size of the correction over that of the rates."""
+    nv = rule.motion.velocities
+    error = errors(rule, h, x, u, p, z)
+    if rule.newton:
+        change = ca.solve(ca.densify(ca.jacobian(error, z)), error, "qr")
+    else:
+        change = ca.vertcat(ca.solve(matrix, error[:nv], "ldl"), error[nv:])
+    z_next = z - change
+    _, v, o = _split(rule, x)
+    relative = _relative(rule, change[:nv], ca.norm_1(z_next[:nv]) + ca.norm_1(v) / h + elastic)
+    if o.numel():
+        relative += _relative(rule, change[nv:], ca.norm_1(z_next[nv:]) + ca.norm_1(o) / h)
+    return z_next, relative
+
+
+def _relative(rule: Midpoint, change: ca.MX, size: ca.MX) -> ca.MX:
+    """|change|/size, zero where both are. Sums carry a NaN on, which largest entries do not."""
+    tiny = float(np.finfo("float32" if rule.model.real == "float" else "float64").tiny)
+    return ca.norm_1(change) / ca.fmax(size, tiny)
+
+
+def _slope(rule: Midpoint, h: float, x: ca.MX, u: ca.MX, p: ca.MX, end: ca.MX) -> ca.MX:
+    """d x_next / d(x, u, p) where F(x, u, p, z) = 0:  dz = −F_z⁻¹ dF.
+
+    The rates are those that led to `end`.
+    """
+    (_, v, o), (_, v_next, o_next) = _split(rule, x), _split(rule, end)
+    rates = ca.vertcat(v_next - v, o_next - o) / h
+    n_inputs = x.numel() + u.numel() + p.numel()
+    stacked = ca.MX.sym("inputs", n_inputs + rule.n_rates)
+    ends = np.cumsum([0, x.numel(), u.numel(), p.numel(), rule.n_rates]).tolist()
+    arguments = ca.vertsplit(stacked, ends)
+    results = [errors(rule, h, *arguments), after(rule, h, 1.0, arguments[0], arguments[3])]
+    slopes = [ca.densify(ca.jacobian(result, stacked)) for result in results]
+    f, g = ca.Function("slopes", [stacked], slopes)(ca.vertcat(x, u, p, rates))
+    f_inputs, f_z = ca.horzsplit(f, [0, n_inputs, stacked.numel()])
+    g_inputs, g_z = ca.horzsplit(g, [0, n_inputs, stacked.numel()])
+    return g_inputs - g_z @ ca.solve(f_z, f_inputs, "qr")

@@ -1,0 +1,125 @@
+"""States, times and signals as users give them, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TypeAlias
+
+import numpy as np
+
+from curvcasadi.symbolic.expressions import Array, Number, numbers
+from curvcasadi.symbolic.layout import Layout, Part
+
+#: An input or parameter over time: numbers (n,) that are held, columns (n, T) of which each is held
+#: from its time to the next, values by part, or a function of the time, s. None is zero.
+Signal: TypeAlias = Number | Mapping[str, Number] | Callable[[float], Number] | None
+#: What a quaternion's length may differ from 1 before it is refused; it is normalized then.
+LENGTH_TOLERANCE = 1e-6
+
+
+def stacked(name: str, layout: Layout, value: Number | Mapping[str, Number] | None) -> Array:
+    """A vector (layout.size,) from numbers or parts by name.
+
+    Parts that a mapping leaves out are zero, attitudes the identity. Quaternions are normalized.
+
+    Raises
+    ------
+    ValueError
+        If a part is unknown, a size is wrong, or a quaternion is far from unit length.
+    """
+    if value is None or isinstance(value, Mapping):
+        given = {} if value is None else value
+        _known(name, layout, given)
+        pieces = [
+            _column(f"{name}[{part.name!r}]", part.size, given[part.name])
+            if part.name in given
+            else _neutral(part)
+            for part in layout.parts
+        ]
+        vector = np.concatenate([np.zeros(0), *pieces])
+    else:
+        vector = _column(name, layout.size, value)
+    for part in layout.parts:
+        if part.attitude:
+            rows = layout.slices[part.name]
+            length = float(np.linalg.norm(vector[rows]))
+            if abs(length - 1) > LENGTH_TOLERANCE:
+                raise ValueError(
+                    f"{name}: expected the unit quaternion {part.name}, "
+                    f"found one of length {length:g}"
+                )
+            vector[rows] /= length
+    return vector
+
+
+def increasing(name: str, times: Number) -> Array:
+    """At least two times (T,) that increase."""
+    grid = numbers(name, times).ravel()
+    if grid.size < 2:
+        raise ValueError(f"{name}: expected at least two times, found {grid.size}")
+    behind = np.flatnonzero(np.diff(grid) <= 0)
+    if behind.size:
+        k = int(behind[0])
+        raise ValueError(
+            f"{name}: expected increasing times, s, found {grid[k + 1]:g} after {grid[k]:g}"
+        )
+    return grid
+
+
+def over_time(
+    name: str, layout: Layout, value: Signal, times: Array
+) -> Callable[[int, float], Array]:
+    """The signal as a function of the interval that holds a time, and the time.
+
+    Raises
+    ------
+    ValueError
+        If a part is unknown, a size is wrong, or a function does not give numbers of its size.
+    """
+    if isinstance(value, Mapping):
+        _known(name, layout, value)
+        parts = [
+            _part_over_time(f"{name}[{part.name!r}]", part.size, value.get(part.name), times)
+            for part in layout.parts
+        ]
+        return lambda k, t: np.concatenate([np.zeros(0), *(part(k, t) for part in parts)])
+    return _part_over_time(name, layout.size, value, times)
+
+
+def _part_over_time(
+    name: str, size: int, value: Signal, times: Array
+) -> Callable[[int, float], Array]:
+    if value is None:
+        zero = np.zeros(size)
+        return lambda k, t: zero
+    if callable(value):
+        return lambda k, t: _column(f"{name}({t:g})", size, value(t))
+    array = numbers(name, value)
+    if (array.size == size and array.ndim < 2) or array.shape == (size, 1):
+        held = array.ravel()
+        return lambda k, t: held
+    if array.shape == (size, len(times)) or (size == 1 and array.shape == (len(times),)):
+        columns = array.reshape(size, -1)
+        return lambda k, t: columns[:, k]
+    raise ValueError(
+        f"{name}: expected {size} numbers or columns ({size}, {len(times)}), one per time; "
+        f"found shape {array.shape}"
+    )
+
+
+def _known(name: str, layout: Layout, given: Mapping[str, Number]) -> None:
+    known = [part.name for part in layout.parts]
+    for part in given:
+        if part not in known:
+            raise ValueError(f"{name}: expected parts among {known}, found {part!r}")
+
+
+def _column(name: str, size: int, value: Number) -> Array:
+    array = numbers(name, value)
+    if array.size != size or array.ndim > 2 or (array.ndim == 2 and 1 not in array.shape):
+        raise ValueError(f"{name}: expected {size} numbers, found shape {array.shape}")
+    return array.ravel()
+
+
+def _neutral(part: Part) -> Array:
+    return np.array([1.0, 0, 0, 0]) if part.attitude else np.zeros(part.size)

@@ -1,0 +1,142 @@
+"""Simulations: what integrators give in a row, and what is refused."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+
+import curvcasadi as cc
+from curvcasadi.lie import quaternion
+from tests.support import models
+
+START = {"configuration": [1.0, 0.02], "rates": [-0.5, 0.1], "lag": [0.3]}
+TIMES = np.linspace(0, 1, 21)
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    return models.pendulum(stiffness=100.0, damping=0.2)
+
+
+@pytest.fixture(scope="module")
+def exact(pendulum):
+    slope = lambda _, x: pendulum.xdot(x, 0.4, 9.81).full().ravel()  # noqa: E731
+    start = [1.0, 0.02, -0.5, 0.1, 0.3]
+    return solve_ivp(slope, (0, 1), start, "DOP853", t_eval=TIMES, rtol=1e-12, atol=1e-12).y
+
+
+@pytest.mark.parametrize(
+    "method, dt, error",
+    # RK4: (10 rad/s · 5 ms)⁴/120 a radian; midpoint: (10 · 1 ms)²/24 a radian times ten; cvodes:
+    # its tolerance of 1e-8 over some tens of steps.
+    [("rk4", 0.005, 1e-6), ("implicit_midpoint", 0.001, 1e-4), ("cvodes", None, 1e-6)],
+)
+def test_all_methods_find_the_motion(pendulum, exact, method, dt, error):
+    options = {"u": [0.4], "p": {"gravity": 9.81}}
+    result = cc.simulate(pendulum, START, TIMES, method=method, dt=dt, **options)
+    assert result.success and result.x.shape == (5, 21)
+    assert_allclose(result.x, exact, atol=error)
+    assert_allclose(result.part("lag"), exact[4:], atol=error)
+    assert_allclose(result.part("moment"), 0.4)
+    assert "reached" in str(result) and "pendulum" in str(result)
+
+
+def test_steps_in_a_row_are_those_of_the_step_function(pendulum):
+    step = cc.step_function(pendulum, 0.05, method="implicit_midpoint", substeps=4)
+    result = cc.simulate(
+        pendulum, START, TIMES, u=0.4, p=9.81, method="implicit_midpoint", dt=0.0125
+    )
+    x = ca.DM(result.x[:, 0])
+    for _ in range(20):
+        x = step(x, 0.4, 9.81)[0]
+    # Another guess: the tolerance of the iteration, eighty steps.
+    assert_allclose(result.x[:, -1:], x, atol=1e-8)
+    assert 2 <= result.iterations <= 6
+
+
+def test_signals_are_held_from_time_to_time_or_taken_at_the_middle_of_steps(pendulum):
+    columns = np.sin(TIMES)[None, :]
+    held = cc.simulate(pendulum, START, TIMES, u=columns, p=[9.81])
+    by_name = cc.simulate(pendulum, START, TIMES, u={"moment": columns}, p={"gravity": [9.81]})
+    assert_allclose(held.x, by_name.x, rtol=0)
+    assert_allclose(held.u, columns, rtol=0)
+    step = cc.rk4_step(pendulum, 0.05)
+    assert_allclose(
+        held.x[:, [3]], step(held.x[:, 2], columns[0, 2], 9.81), rtol=1e-12
+    )  # native code contracts nothing, but sums in another order
+    smooth = cc.simulate(pendulum, START, TIMES, u=lambda t: [np.sin(t)], p=9.81)
+    middle = cc.simulate(pendulum, START, TIMES, u=np.sin(TIMES + 0.025)[None, :], p=9.81)
+    assert_allclose(smooth.x, middle.x, rtol=1e-12)
+
+
+def test_momentum_and_energy_of_a_free_body():
+    body = models.rigid_body()
+    attitude = quaternion.exp(ca.DM([0.4, -0.3, 0.2])).full().ravel()
+    start = {"quaternion_wxyz": attitude, "s": 0.05, "twist": [0.8, -1.1, 0.6, 1, -0.5, 0.3]}
+    result = cc.simulate(body, start, np.linspace(0, 2, 3), method="rk4", dt=0.002)
+    first, last = (models.momentum(result.x[:, k]) for k in (0, -1))
+    # RK4 at 10 rad/s and 2 ms: (0.02)⁴/120 a radian over twenty of them.
+    assert_allclose(last[0], first[0], atol=1e-7)
+    assert abs(last[1] - first[1]) < 1e-7
+    assert_allclose(np.linalg.norm(result.part("quaternion_wxyz"), axis=0), 1, rtol=1e-14)
+    assert_allclose(result.part("position")[:, 0], 0, atol=0)
+
+
+def test_a_simulation_that_diverges_keeps_what_it_had():
+    stiff = models.pendulum(stiffness=1e6)
+    with pytest.raises(
+        cc.ConvergenceError, match=r"t = .* s with steps of 0.05 s .*shorter"
+    ) as error:
+        cc.simulate(stiff, START, np.linspace(0, 10, 201), u=[0.0], p=[9.81])
+    result = error.value.result
+    assert not result.success and 1 < len(result.t) < 201
+    assert result.x.shape[1] == result.y.shape[1] == len(result.t)
+    assert np.all(np.isfinite(result.x))
+    assert_allclose(result.t, np.linspace(0, 10, 201)[: len(result.t)])
+
+
+def test_an_implicit_step_that_is_too_long_is_named():
+    fast = {**START, "rates": [300.0, 5.0]}
+    with pytest.raises(cc.ConvergenceError, match=r"did not converge .*newton=True"):
+        cc.simulate(models.pendulum(), fast, [0, 0.5, 1.0], method="implicit_midpoint")
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"x0": [1, 2]}, r"x0: expected 5 numbers, found"),
+        ({"x0": {"angle": 1}}, r"x0: expected parts among \['configuration', .*found 'angle'"),
+        ({"x0": [np.nan] * 5}, r"x0: expected finite numbers"),
+        ({"times": [0]}, r"times: expected at least two times, found 1"),
+        ({"times": [0, 1, 1]}, r"times: expected increasing times, s, found 1 after 1"),
+        ({"times": [0, np.nan]}, r"times: expected finite numbers"),
+        ({"dt": 0}, r"dt: expected a number above zero"),
+        ({"dt": -1}, r"dt: expected a number above zero"),
+        ({"method": "euler"}, r"method: expected one of 'rk4'"),
+        ({"u": [1, 2, 3]}, r"u: expected 1 numbers or columns \(1, 21\)"),
+        ({"u": {"torque": 1}}, r"u: expected parts among \['moment'\], found 'torque'"),
+        ({"u": lambda t: [1, 2]}, r"u\(0.025\): expected 1 numbers"),
+        ({"p": {"gravity": "down"}}, r"p\['gravity'\]: expected numbers"),
+        ({"tolerance": 0.0, "method": "implicit_midpoint"}, r"tolerance: expected a number above"),
+    ],
+    ids=lambda value: "-".join(value) if isinstance(value, dict) else "",
+)
+def test_wrong_arguments_are_refused_by_name(pendulum, change, message):
+    arguments = {"x0": START, "times": TIMES, "u": [0.4], "p": [9.81], **change}
+    x0, times = arguments.pop("x0"), arguments.pop("times")
+    with pytest.raises(ValueError, match=message):
+        cc.simulate(pendulum, x0, times, **arguments)
+
+
+def test_a_quaternion_off_the_group_is_refused():
+    with pytest.raises(ValueError, match=r"x0: expected the unit quaternion .* length 2"):
+        cc.simulate(models.rigid_body(), {"quaternion_wxyz": [2, 0, 0, 0]}, [0, 1])
+
+
+def test_unknown_parts_of_a_result_are_named(pendulum):
+    result = cc.simulate(pendulum, START, [0, 0.1])
+    with pytest.raises(ValueError, match=r"name: expected one of \['configuration', .*found 'q'"):
+        result.part("q")

@@ -45,6 +45,7 @@ EXEMPT = {"__init__", "__main__"}
 BRANCHED = {"lie/so3.py", "kinematics/element.py", "aero/section.py", "estimation/ud.py"}
 BRANCHED |= {"aero/airload.py", "aero/gust.py"}  # no derivative in still air; gusts begin and end
 BRANCHED |= {"sensors/station.py"}  # the same for the slopes of a missing attitude
+BRANCHED |= {"control/implicit_midpoint.py"}  # whether another iteration is needed
 BRANCHED |= {"estimation/samples.py"}  # the same for windows of samples
 
 FILES = sorted(PACKAGE.rglob("*.py"))

@@ -91,12 +91,6 @@ from curvcasadi.beam import (
     condense_axial,
     mirror,
 )
-from curvcasadi.control import ControlModel, kinematic_model, rk4_step
-from curvcasadi.dynamics import (
-    forward_dynamics,
-    inverse_dynamics,
-    kinetic_energy,
-    mass_matrix,
 from curvcasadi.control import (
     ControlModel,
     SecondOrder,
@@ -107,6 +101,12 @@ from curvcasadi.control import (
     rk4_step,
     simulate,
     step_function,
+)
+from curvcasadi.dynamics import (
+    forward_dynamics,
+    inverse_dynamics,
+    kinetic_energy,
+    mass_matrix,
 )
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.estimation import (

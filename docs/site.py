@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import curvcasadi
-from docs import api, pages
+from docs import api, formats, pages
 
 FOLDER = Path(__file__).parent
 GENERATED = FOLDER / "generated"
@@ -33,10 +33,11 @@ def setup(app: Any) -> dict[str, bool]:
 
 
 def write_pages(app: Any) -> None:
-    """The API reference and a page for each example."""
+    """The file formats, the API reference and a page for each example."""
     for folder in ("api", "examples"):
         (GENERATED / folder).mkdir(parents=True, exist_ok=True)
-    for name, text in {**api.pages(curvcasadi), **example_pages()}.items():
+    generated = {"formats.md": formats.page(), **api.pages(curvcasadi), **example_pages()}
+    for name, text in generated.items():
         path = GENERATED / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")  # Sphinx reads again what is newer

@@ -8,28 +8,92 @@ of wing files: `path: [table] key: expected …, found …`.
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from curvcasadi.aero import ControlSurface, ExponentialTipLoss, StripAerodynamics
-from curvcasadi.aero.strip import QUANTITIES, coefficients
 from curvcasadi.aircraft.parts import Aircraft, LiftingSurface, RigidBody, Thrust, Wing, mirror_wing
-from curvcasadi.beam.along import Steps
 from curvcasadi.beam.beam import Beam
 from curvcasadi.files import toml_reader as toml
 from curvcasadi.files import wing as wing_file
+from curvcasadi.files.aerodynamics import read_strips
 from curvcasadi.files.loads import read_load
 from curvcasadi.files.sections import read_body, read_section
+from curvcasadi.files.toml_reader import Key, Keys
 from curvcasadi.symbolic.expressions import positive
 
-_OPTIONAL = {"surfaces": toml.TABLES, "thrusts": toml.TABLES, "air": toml.table_of("density")}
-#: Quantities of `StripAerodynamics` that have no default.
-_REQUIRED = ("chord", "aerodynamic_center", "lift_slope")
-_QUANTITY = toml.NUMBER | toml.table_of("xi", "values")
-_FLAG = toml.Kind("true or false", lambda value: isinstance(value, bool))
+AIRCRAFT = Keys(
+    place="an aircraft file",
+    meaning="A rigid body with flexible wings, rigid lifting surfaces and thrusts. Positions are "
+    "in body axes: x forward, y right, z down.",
+    required={
+        "body": Key(toml.table_of(), "the rigid body"),
+        "beams": Key(toml.TABLES, "flexible half wings"),
+    },
+    optional={
+        "surfaces": Key(toml.TABLES, "rigid lifting surfaces, such as a tail"),
+        "thrusts": Key(toml.TABLES, "forces along fixed lines; trim finds their magnitude"),
+        "air": Key(toml.table_of("density"), "for `curvcasadi trim`"),
+    },
+)
+AIR = Keys(
+    place="[air]",
+    meaning="The air in which `curvcasadi trim` flies.",
+    required={"density": Key(toml.NUMBER, "density", "kg/m³")},
+)
+BODY = Keys(
+    place="[body]",
+    meaning="What is rigid of the aircraft, without its wings.",
+    required={
+        "mass": Key(toml.NUMBER, "mass", "kg"),
+        "position": Key(toml.VECTOR, "of its centre of mass, body axes", "m"),
+    },
+    optional={"inertia": Key(toml.MATRIX, "about its centre of mass, body axes", "kg m²")},
+    describes=RigidBody,
+)
+WING = Keys(
+    place="[[beams]]",
+    meaning="A flexible half wing: the tables of a wing file within, such as [beams.beam].",
+    required={
+        "name": Key(toml.TEXT, "letters and digits"),
+        "beam": Key(toml.table_of(), "as [beam] of a wing file"),
+        "basis": Key(toml.table_of(), "as [basis]"),
+        "grid": Key(toml.table_of(), "as [grid]"),
+        "section": Key(toml.table_of(), "as [section]"),
+        "aerodynamics": Key(toml.table_of(), "airfoil data"),
+    },
+    optional={
+        "bodies": Key(toml.TABLES, "as [[bodies]]"),
+        "loads": Key(toml.TABLES, "as [[loads]]; not the weight, which acts anyway"),
+    },
+)
+MIRRORED = Keys(
+    place="[[beams]] with mirror_of",
+    meaning="The other half wing, the mirror image of one that is described.",
+    required={"mirror_of": Key(toml.TEXT, "name of a wing without further loads")},
+    optional={"name": Key(toml.TEXT, "letters and digits", default="<name>_mirrored")},
+)
+SURFACE = Keys(
+    place="[[surfaces]]",
+    meaning="A rigid lifting surface.",
+    required={
+        "name": Key(toml.TEXT, "a name"),
+        "area": Key(toml.NUMBER, "area", "m²"),
+        "pose": Key(toml.table_of("position", "rotation"), "of its axes, as [beam.root]"),
+        "aerodynamics": Key(toml.table_of(), "airfoil data"),
+    },
+)
+THRUST = Keys(
+    place="[[thrusts]]",
+    meaning="A force along a line that is fixed in the body.",
+    optional={
+        "name": Key(toml.TEXT, "of the input that is its magnitude, N"),
+        "position": Key(toml.VECTOR, "of a point of the line, body axes", "m"),
+        "direction": Key(toml.VECTOR, "unit vector, body axes"),
+    },
+    describes=Thrust,
+)
 
 
 def load_aircraft(path: str | Path) -> Aircraft:
@@ -53,14 +117,14 @@ def read_aircraft(file: toml.Table) -> Aircraft:
     """Aircraft of an aircraft file that was parsed."""
     if "basis" in file.content:
         raise file.error("expected an aircraft file, found a wing's, with [basis]")
-    file.read({"body": toml.table_of(), "beams": toml.TABLES}, _OPTIONAL)
+    file.read(AIRCRAFT)
     if not file.content["beams"]:
         raise file.error("beams: expected one or more, found none")
     parts: dict[str, Any] = {
         "body": _body(file.table("body")),
-        "beams": _wings(_tables(file, "beams")),
-        "surfaces": tuple(_surface(table) for table in _tables(file, "surfaces")),
-        "thrusts": tuple(_thrust(table) for table in _tables(file, "thrusts")),
+        "beams": _wings(file.tables("beams")),
+        "surfaces": tuple(_surface(table) for table in file.tables("surfaces")),
+        "thrusts": tuple(_thrust(table) for table in file.tables("thrusts")),
     }
     _check_names(file, [part.name for part in (*parts["thrusts"], *parts["surfaces"])])
     with file.owning_errors():
@@ -72,7 +136,7 @@ def read_density(file: toml.Table) -> float | None:
     if "air" not in file.content:
         return None
     air = file.table("air")
-    values = air.read({"density": toml.NUMBER})
+    values = air.read(AIR)
     with air.owning_errors():
         return float(positive("density", values["density"]))
 
@@ -86,18 +150,9 @@ def _check_names(file: toml.Table, names: list[str]) -> None:
         )
 
 
-def _tables(table: toml.Table, key: str) -> list[toml.Table]:
-    """`Table.tables` of an array within a table; errors name both."""
-    prefix = f"{table.name}." if table.name else ""
-    return [
-        toml.Table(table.path, f"{prefix}{entry.name}", entry.content)
-        for entry in table.tables(key)
-    ]
-
-
 def _body(table: toml.Table) -> RigidBody:
     """Rigid body; `position` is that of its centre of mass, m, body axes."""
-    values = table.read({"mass": toml.NUMBER, "position": toml.VECTOR}, {"inertia": toml.MATRIX})
+    values = table.read(BODY)
     with table.owning_errors():
         return RigidBody(center_of_mass=values.pop("position"), **values)
 
@@ -111,11 +166,9 @@ def _wings(tables: list[toml.Table]) -> tuple[Wing, ...]:
 
 
 def _wing(table: toml.Table) -> Wing:
-    keys = ("beam", "basis", "grid", "section", "aerodynamics")
-    required = {"name": toml.TEXT, **dict.fromkeys(keys, toml.table_of())}
-    values = table.read(required, {"bodies": toml.TABLES, "loads": toml.TABLES})
-    strips = _strips(table.table("aerodynamics"))
-    beam, loads = _beam(table), tuple(_load(entry) for entry in _tables(table, "loads"))
+    values = table.read(WING)
+    strips = read_strips(table.table("aerodynamics"))
+    beam, loads = _beam(table), tuple(_load(entry) for entry in table.tables("loads"))
     with table.owning_errors():
         return Wing(name=values["name"], beam=beam, strips=strips, loads=loads)
 
@@ -125,7 +178,7 @@ def _beam(table: toml.Table) -> Beam:
         "basis": wing_file.basis_of(table.table("basis")),
         "grid": wing_file.grid_of(table.table("grid")),
         "section": read_section(table.table("section")),
-        "bodies": tuple(read_body(entry) for entry in _tables(table, "bodies")),
+        "bodies": tuple(read_body(entry) for entry in table.tables("bodies")),
         **wing_file.beam_values_of(table.table("beam")),
     }
     with table.table("beam").owning_errors():
@@ -144,7 +197,7 @@ def _load(table: toml.Table) -> Any:
 
 def _mirrored(table: toml.Table, originals: dict[str, Wing]) -> Wing:
     """The other half wing, by default named after its original."""
-    values = table.read({"mirror_of": toml.TEXT}, {"name": toml.TEXT})
+    values = table.read(MIRRORED)
     source = table.one_of("mirror_of", tuple(originals) or ("no beam",))
     if originals[source].loads:
         raise table.error(
@@ -154,66 +207,15 @@ def _mirrored(table: toml.Table, originals: dict[str, Wing]) -> Wing:
         return mirror_wing(originals[source], values.get("name", f"{source}_mirrored"))
 
 
-def _strips(table: toml.Table) -> StripAerodynamics:
-    """Airfoil data: numbers, or a value for each interval of a table's `xi`."""
-    varied = [key for key in QUANTITIES if isinstance(table.content.get(key), dict)]
-    values = table.read(
-        dict.fromkeys(_REQUIRED, _QUANTITY),
-        {
-            **dict.fromkeys([key for key in QUANTITIES if key not in _REQUIRED], _QUANTITY),
-            "upper_side": toml.WHOLE,
-            "tip_loss": toml.table_of("decay"),
-            "controls": toml.TABLES,
-        },
-    )
-    values |= {key: _steps(table.table(key)) for key in varied}
-    if "tip_loss" in values:
-        values["tip_loss"] = _tip_loss(table.table("tip_loss"))
-    values["controls"] = tuple(_control(entry) for entry in _tables(table, "controls"))
-    with table.owning_errors():
-        strips = StripAerodynamics(**values)
-        for left, right in pairwise((0.0, *strips.breaks, 1.0)):
-            coefficients(strips, round((left + right) / 2, 12), {})
-    return strips
-
-
-def _steps(table: toml.Table) -> Steps:
-    values = table.read({"xi": toml.NUMBERS, "values": toml.NUMBERS})
-    with table.owning_errors():
-        return Steps(**values)
-
-
-def _tip_loss(table: toml.Table) -> ExponentialTipLoss:
-    values = table.read({"decay": toml.NUMBER})
-    with table.owning_errors():
-        return ExponentialTipLoss(**values)
-
-
-def _control(table: toml.Table) -> ControlSurface:
-    values = table.read(
-        {"name": toml.TEXT, "lift": toml.NUMBER},
-        {**dict.fromkeys(("moment", "drag", "start", "end"), toml.NUMBER), "antisymmetric": _FLAG},
-    )
-    with table.owning_errors():
-        return ControlSurface(**values)
-
-
 def _surface(table: toml.Table) -> LiftingSurface:
-    values = table.read(
-        {
-            "name": toml.TEXT,
-            "area": toml.NUMBER,
-            "pose": toml.table_of("position", "rotation"),
-            "aerodynamics": toml.table_of(),
-        }
-    )
-    pose, strips = wing_file.root_of(table.table("pose")), _strips(table.table("aerodynamics"))
+    values = table.read(SURFACE)
+    pose, strips = wing_file.root_of(table.table("pose")), read_strips(table.table("aerodynamics"))
     with table.owning_errors():
         return LiftingSurface(name=values["name"], area=values["area"], pose=pose, strips=strips)
 
 
 def _thrust(table: toml.Table) -> Thrust:
-    values = table.read({}, {"name": toml.TEXT, "position": toml.VECTOR, "direction": toml.VECTOR})
+    values = table.read(THRUST)
     length = np.linalg.norm(values.get("direction", [1.0]))
     if abs(length - 1) > 1e-6:
         raise table.error(

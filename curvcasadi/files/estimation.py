@@ -10,75 +10,100 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-import casadi as ca
-
-from curvcasadi import sensors as kinds
 from curvcasadi.beam.beam import Beam
 from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf, shape_ekf
 from curvcasadi.files import toml_reader as toml
+from curvcasadi.files.sensors import read_sensor
+from curvcasadi.files.toml_reader import Key, Keys
 from curvcasadi.files.wing import read_wing, root_of
-from curvcasadi.lie import so3
 from curvcasadi.sensors import RootMotion, Sensor
 from curvcasadi.sensors.channels import sensor_channels
 
-#: Sensors by their kind in a wing file; their keys there are the fields of the class.
-SENSOR_KINDS: dict[str, type[Sensor]] = {
-    "rate_gyro": kinds.RateGyro,
-    "accelerometer": kinds.Accelerometer,
-    "attitude": kinds.AttitudeSensor,
-    "magnetometer": kinds.Magnetometer,
-    "strain_gauge": kinds.StrainGauge,
-    "shear_gauge": kinds.ShearGauge,
-    "marker": kinds.Marker,
-    "camera": kinds.Camera,
-}
-
-_ONE_OR_EACH = toml.NUMBER | toml.NUMBERS
-_TWIST = toml.list_of(toml.NUMBER, "6 finite numbers", 6)
-_FLAG = toml.Kind("true or false", lambda value: isinstance(value, bool))
-_NAMES = toml.list_of(toml.TEXT, "a list of texts")
-
-_POINT = {"offset": toml.VECTOR}
-_MOUNTING = {"mounting": toml.MATRIX | toml.table_of("rotation_vector")}
-_NOISE = {"noise": _ONE_OR_EACH}
-_SAMPLED: tuple[dict[str, toml.Kind], dict[str, toml.Kind]] = (
-    {"noise_density": _ONE_OR_EACH, "rate": toml.NUMBER},
-    {**_POINT, **_MOUNTING},
-)
-#: Keys of each kind besides kind, xi, name and bias: those that it needs, those that it may have.
-_KEYS: dict[str, tuple[dict[str, toml.Kind], dict[str, toml.Kind]]] = {
-    "rate_gyro": _SAMPLED,
-    "accelerometer": _SAMPLED,
-    "magnetometer": _SAMPLED,
-    "attitude": (_NOISE, _MOUNTING),
-    "strain_gauge": ({**_NOISE, "offset": toml.list_of(toml.NUMBER, "y and z, m", 2)}, {}),
-    "shear_gauge": (_NOISE, {}),
-    "marker": (_NOISE, _POINT),
-    "camera": ({**_NOISE, "pose": toml.table_of("position", "rotation")}, _POINT),
-}
-
 #: Arguments of `shape_ekf`, of the same names.
 _FILTER = {
-    "density": _ONE_OR_EACH,
-    "rate": _ONE_OR_EACH,
-    "acceleration": _ONE_OR_EACH,
-    "attitude": _FLAG,
-    "root_gyro_density": toml.NUMBER,
-    "gyro_bias": _FLAG,
-    "bias_density": toml.NUMBER,
-    "root_inputs": _NAMES,
-    "gate": toml.NUMBER,
-    "iterations": toml.WHOLE,
+    "density": Key(
+        toml.ONE_OR_EACH,
+        "of the process noise, of all weights or each",
+        "rad/(m √s); white acceleration rad/(m s √s)",
+    ),
+    "rate": Key(
+        toml.ONE_OR_EACH,
+        "standard deviation of q_dot, for gyros and accelerometers in a random walk",
+        "rad/(m s)",
+    ),
+    "acceleration": Key(
+        toml.ONE_OR_EACH, "standard deviation of q_ddot, for accelerometers", "rad/(m s²)"
+    ),
+    "attitude": Key(toml.FLAG, "whether the attitude of the parent is estimated, by a root gyro"),
+    "root_gyro_density": Key(toml.NUMBER, "noise of that gyro", "rad/√s"),
+    "gyro_bias": Key(toml.FLAG, "whether biases of the gyros are estimated"),
+    "bias_density": Key(toml.NUMBER, "of the random walk of the biases", "rad/(s √s)"),
+    "root_inputs": Key(
+        toml.list_of(toml.TEXT, "a list of texts"),
+        "motion of the root that the log holds: `attitude`, `position`, `twist`, `twist_rate`",
+    ),
+    "gate": Key(toml.NUMBER, "innovation beyond which a sample is left out", "standard deviations"),
+    "iterations": Key(toml.WHOLE, "linearizations of an update; five or more from a rough start"),
 }
 #: Fields of `RootMotion`; `parent` is its pose.
 _ROOT = {
-    "parent": toml.table_of("position", "rotation"),
-    "twist": _TWIST,
-    "twist_rate": _TWIST,
-    "gravity": toml.VECTOR,
-    "magnetic_field": toml.VECTOR,
+    "parent": Key(
+        toml.table_of("position", "rotation"),
+        "pose of the parent axes in inertial axes, as [beam.root]",
+        default="at the origin, level",
+    ),
+    "twist": Key(
+        toml.VECTOR_6, "angular rate and velocity of the root, root axes", "rad/s, m/s", "at rest"
+    ),
+    "twist_rate": Key(toml.VECTOR_6, "time derivative of twist", "rad/s², m/s²", "zero"),
+    "gravity": Key(toml.VECTOR, "for accelerometers, inertial axes", "m/s²"),
+    "magnetic_field": Key(toml.VECTOR, "for magnetometers, inertial axes", "T"),
 }
-_PARTS = ("q", "q_dot", "attitude", "gyro_bias", "root_gyro_bias")
+ESTIMATION = Keys(
+    place="[estimation]",
+    meaning="An extended Kalman filter, `shape_ekf`.",
+    required={
+        "process": Key(toml.TEXT, "`random_walk` or `white_acceleration`"),
+        "density": _FILTER["density"],
+        "deviation": Key(toml.table_of("q"), "standard deviations at the start"),
+    },
+    optional={
+        **{name: key for name, key in _FILTER.items() if name != "density"},
+        **_ROOT,
+        "mean": Key(toml.table_of("q"), "state at the start", default="zero, level"),
+    },
+    describes=shape_ekf,
+)
+_PARTS = {
+    "q_dot": ("rates of the weights; of white acceleration", "rad/(m s)"),
+    "attitude": ("attitude of the parent", "rad"),
+    "gyro_bias": ("biases of the gyros on the wing", "rad/s"),
+    "root_gyro_bias": ("bias of the gyro at the root", "rad/s"),
+}
+DEVIATION = Keys(
+    place="[estimation.deviation]",
+    meaning="Standard deviations at the start: of every part that the filter has, one number or "
+    "one for each entry.",
+    required={"q": Key(toml.ONE_OR_EACH, "weights", "rad/m")},
+    optional={
+        name: Key(toml.ONE_OR_EACH, meaning, unit, "needed if the filter has it")
+        for name, (meaning, unit) in _PARTS.items()
+    },
+)
+MEAN = Keys(
+    place="[estimation.mean]",
+    meaning="State at the start, as far as it is not zero.",
+    optional={
+        "q": Key(toml.ONE_OR_EACH, "weights", "rad/m", "zero"),
+        **{
+            name: Key(toml.ONE_OR_EACH, meaning, unit, "zero")
+            for name, (meaning, unit) in _PARTS.items()
+        },
+        "attitude": Key(
+            toml.MATRIX, "rotation from parent to inertial axes", default="the identity"
+        ),
+    },
+)
 
 _OMEGA = tuple(f"root_omega_{axis}" for axis in "xyz")
 #: Columns of a log that hold what `shape_ekf` calls rate, and its root_inputs.
@@ -155,33 +180,12 @@ def load_estimation(path: str | Path) -> EstimationFile:
     )
 
 
-def read_sensor(table: toml.Table) -> Sensor:
-    """Sensor of a table: its kind, and the fields of that class of `curvcasadi.sensors`."""
-    kind = table.one_of("kind", tuple(SENSOR_KINDS))
-    required, optional = _KEYS[kind]
-    values = table.read(
-        {"kind": toml.TEXT, "xi": toml.NUMBER, **required},
-        {"name": toml.TEXT, "bias": _ONE_OR_EACH, **optional},
-    )
-    del values["kind"]
-    if isinstance(values.get("mounting"), dict):
-        turn = table.table("mounting").read({"rotation_vector": toml.VECTOR})
-        values["mounting"] = so3.exp(ca.DM(turn["rotation_vector"]))
-    if "pose" in values:
-        values["pose"] = root_of(table.table("pose"))
-    with table.owning_errors():
-        return SENSOR_KINDS[kind](**values)
-
-
 def _filter(
     table: toml.Table, beam: Beam, sensors: tuple[Sensor, ...]
 ) -> tuple[ShapeEkf, Estimate]:
-    required = {"process": toml.TEXT, "density": _ONE_OR_EACH, "deviation": toml.table_of("q")}
-    values = table.read(required, {**_FILTER, **_ROOT, "mean": toml.table_of("q")})
-    deviation = table.table("deviation").read({"q": _ONE_OR_EACH}, _parts(_ONE_OR_EACH))
-    mean = {}
-    if "mean" in values:
-        mean = table.table("mean").read({}, _parts(_ONE_OR_EACH) | {"attitude": toml.MATRIX})
+    values = table.read(ESTIMATION)
+    deviation = table.table("deviation").read(DEVIATION)
+    mean = table.table("mean").read(MEAN) if "mean" in values else {}
     motion = {key: values[key] for key in _ROOT if key in values}
     if "parent" in motion:
         motion["pose"] = root_of(table.table("parent"))
@@ -191,7 +195,3 @@ def _filter(
         root = RootMotion(**motion)
         ekf = shape_ekf(beam, sensors, process=values["process"], root=root, **options)
         return ekf, ekf.initial(deviation, mean)
-
-
-def _parts(kind: toml.Kind) -> dict[str, toml.Kind]:
-    return dict.fromkeys(_PARTS, kind)

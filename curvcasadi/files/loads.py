@@ -7,6 +7,7 @@ from typing import Any
 
 from curvcasadi.files import toml_reader as toml
 from curvcasadi.files.sections import read_steps
+from curvcasadi.files.toml_reader import Key, Keys
 from curvcasadi.loads import kinds as loads
 
 #: Loads by their type in a wing file; their keys there are the fields of the class.
@@ -23,16 +24,67 @@ def _vector(unit: str) -> toml.Kind:
     return toml.list_of(toml.NUMBER, f"3 finite numbers in {unit}", 3)
 
 
-_XI = {"xi": toml.NUMBER}
-_FRAME = {"frame": toml.TEXT}
-_OFFSET = {"offset": _vector("m")}
-#: Keys of each type: those that it needs, and those that it may have.
-_KEYS: dict[str, tuple[dict[str, toml.Kind], dict[str, toml.Kind]]] = {
-    "gravity": ({"acceleration": _vector("m/s²")}, {}),
-    "point_force": ({**_XI, "force": _vector("N")}, {**_FRAME, **_OFFSET}),
-    "point_moment": ({**_XI, "moment": _vector("N m")}, _FRAME),
-    "distributed_force": ({"force": _vector("N/m")}, {**_FRAME, **_OFFSET}),
-    "distributed_moment": ({"moment": _vector("N")}, _FRAME),
+_PLACE = {"xi": Key(toml.NUMBER, "station s/L, 0 to 1")}
+_FRAME = {
+    "frame": Key(
+        toml.TEXT,
+        "`dead`: fixed in parent axes; `follower`: fixed in local axes, turns with the wing",
+    )
+}
+_OFFSET = {
+    "offset": Key(_vector("m"), "of the point of action from the reference curve, local axes", "m")
+}
+_INTERVALS = {
+    "xi": Key(
+        toml.NUMBERS,
+        "boundaries of m intervals, from 0 to 1, for a list of m values",
+        default="one interval",
+    )
+}
+
+
+def _keys(name: str, meaning: str, required: dict[str, Key], optional: dict[str, Key]) -> Keys:
+    return Keys(
+        place=f'[[loads]] with type = "{name}"',
+        meaning=meaning,
+        required={"type": Key(toml.TEXT, f"`{name}`"), **required},
+        optional=optional,
+        describes=LOAD_TYPES[name],
+    )
+
+
+#: Keys by the type of a load.
+LOADS = {
+    "gravity": _keys(
+        "gravity",
+        "Weight of the wing and its bodies.",
+        {"acceleration": Key(_vector("m/s²"), "of a falling body, parent axes", "m/s²")},
+        {},
+    ),
+    "point_force": _keys(
+        "point_force",
+        "A force at a station.",
+        {**_PLACE, "force": Key(_vector("N"), "components in the axes of `frame`", "N")},
+        {**_FRAME, **_OFFSET},
+    ),
+    "point_moment": _keys(
+        "point_moment",
+        "A moment at a station.",
+        {**_PLACE, "moment": Key(_vector("N m"), "components in the axes of `frame`", "N m")},
+        _FRAME,
+    ),
+    "distributed_force": _keys(
+        "distributed_force",
+        "A force per length, the same everywhere or for each interval.",
+        {"force": Key(_vector("N/m"), "components in the axes of `frame`", "N/m")},
+        {**_INTERVALS, **_FRAME, **_OFFSET},
+    ),
+    "distributed_moment": _keys(
+        "distributed_moment",
+        "A moment per length, the same everywhere or for each interval.",
+        {"moment": Key(_vector("N"), "per length; components in the axes of `frame`", "N")},
+        {**_INTERVALS, **_FRAME},
+    ),
 }
 
 
@@ -42,12 +94,11 @@ def read_load(table: toml.Table) -> Any:
     A distributed force or moment may differ from interval to interval of its `xi`.
     """
     name = table.one_of("type", tuple(LOAD_TYPES))
-    required, optional = _KEYS[name]
-    required = {"type": toml.TEXT, **required}
-    if name.startswith("distributed"):
-        values = read_steps(table, required, optional, {"force", "moment"})
+    keys = LOADS[name]
+    if "xi" in keys.optional:
+        values = read_steps(table, keys, {"force", "moment"} & keys.required.keys())
     else:
-        values = table.read(required, optional)
+        values = table.read(keys)
     del values["type"]
     with table.owning_errors():
         return LOAD_TYPES[name](**values)

@@ -6,7 +6,7 @@ of m values, one for each interval.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from itertools import pairwise
 from typing import Any
 
@@ -20,45 +20,94 @@ from curvcasadi.beam.section import (
     symmetric,
 )
 from curvcasadi.files import toml_reader as toml
+from curvcasadi.files.toml_reader import Key, Keys
 
 MATRIX_4 = toml.list_of(
     toml.list_of(toml.NUMBER, "4 finite numbers", 4), "4 rows of 4 finite numbers", 4
 )
-#: Stiffness by rigidities and couplings, or by one symmetric matrix: of K_x, K_y, K_z, or of the
-#: axial strain and these, which `condense_axial` reduces.
-STIFFNESS = {"stiffness": toml.MATRIX | MATRIX_4}
-MASS = {
-    "mass_per_length": toml.NUMBER,
-    "inertia": toml.MATRIX,
-    "center_of_mass": toml.VECTOR,
+_RIGIDITIES = {
+    "GJ": Key(toml.NUMBER, "torsional rigidity", "N m²"),
+    "EI_y": Key(toml.NUMBER, "out-of-plane bending rigidity", "N m²"),
+    "EI_z": Key(toml.NUMBER, "in-plane bending rigidity", "N m²"),
 }
+_COUPLINGS = {
+    "coupling_xy": Key(toml.NUMBER, "torsion with out-of-plane bending", "N m²"),
+    "coupling_xz": Key(toml.NUMBER, "torsion with in-plane bending", "N m²"),
+    "coupling_yz": Key(toml.NUMBER, "out-of-plane with in-plane bending", "N m²"),
+}
+_MASS = {
+    "mass_per_length": Key(toml.NUMBER, "needed for weight", "kg/m"),
+    "inertia": Key(toml.MATRIX, "per length, about the centre of mass, local axes", "kg m"),
+    "center_of_mass": Key(toml.VECTOR, "from the reference curve, local axes", "m"),
+}
+_STIFFNESS = {
+    "stiffness": Key(
+        toml.MATRIX | MATRIX_4,
+        "symmetric matrix of K_x, K_y, K_z; or of the axial strain and these, which the axial "
+        "force zero reduces",
+        "N m²",
+    )
+}
+_XI = {
+    "xi": Key(
+        toml.NUMBERS,
+        "boundaries of m intervals, from 0 to 1; every other key then holds one value for all, or "
+        "a list of m values",
+        default="one interval",
+    )
+}
+SECTION = Keys(
+    place="[section]",
+    meaning="Stiffness and mass about the local axes, by rigidities.",
+    required=_RIGIDITIES,
+    optional={
+        **_COUPLINGS,
+        **_MASS,
+        # Never read: with this key it is a section by matrix.
+        "stiffness": Key(
+            _STIFFNESS["stiffness"].kind, "instead of the rigidities", "N m²", "rigidities"
+        ),
+        **_XI,
+    },
+    describes=Section,
+)
+SECTION_BY_MATRIX = Keys(
+    place="[section] with stiffness",
+    meaning="The same by a full stiffness matrix.",
+    required=_STIFFNESS,
+    optional={**_MASS, **_XI},
+    describes=Section,
+)
+BODY = Keys(
+    place="[[bodies]]",
+    meaning="A rigid body fixed to a station.",
+    required={
+        "xi": Key(toml.NUMBER, "station s/L, 0 to 1"),
+        "mass": Key(toml.NUMBER, "mass", "kg"),
+    },
+    optional={
+        "inertia": Key(toml.MATRIX, "about its centre of mass, local axes", "kg m²"),
+        "offset": Key(
+            toml.VECTOR, "of its centre of mass from the reference curve, local axes", "m"
+        ),
+    },
+    describes=Body,
+)
 
 
-def read_steps(
-    table: toml.Table,
-    required: Mapping[str, toml.Kind],
-    optional: Mapping[str, toml.Kind],
-    stepped: Collection[str],
-) -> dict[str, Any]:
+def read_steps(table: toml.Table, keys: Keys, stepped: Collection[str]) -> dict[str, Any]:
     """`Table.read`, with `Steps` for those of the keys `stepped` that hold a list over `xi`."""
     xi = table.content.get("xi")
     if xi is not None and toml.NUMBERS.accepts(xi):
         with table.owning_errors():
             Steps(xi, xi[1:])
     intervals = len(xi) - 1 if isinstance(xi, list) else None
-
-    def varied(kinds: Mapping[str, toml.Kind]) -> dict[str, toml.Kind]:
-        return {
-            key: _per_interval(kind, intervals) if key in stepped else kind
-            for key, kind in kinds.items()
-        }
-
-    values = table.read(varied(required), {**varied(optional), "xi": toml.NUMBERS})
+    kinds = {name: _per_interval(keys.all[name].kind, intervals) for name in stepped}
+    values = table.read(keys.with_kinds(kinds))
     boundaries = values.pop("xi", [])
-    kinds = {**required, **optional}
     return {
-        key: value if kinds[key].accepts(value) else Steps(boundaries, value)
-        for key, value in values.items()
+        name: value if keys.all[name].kind.accepts(value) else Steps(boundaries, value)
+        for name, value in values.items()
     }
 
 
@@ -77,12 +126,8 @@ def read_section(table: toml.Table) -> Section:
             f"expected {', '.join(RIGIDITIES)} and couplings, or stiffness, "
             f"found stiffness and {', '.join(by_entries)}"
         )
-    rigidities = dict.fromkeys(RIGIDITIES, toml.NUMBER)
-    others = {**dict.fromkeys(COUPLINGS, toml.NUMBER), **MASS, **STIFFNESS}
-    if "stiffness" in table.content:
-        values = read_steps(table, STIFFNESS, MASS, {*STIFFNESS, *MASS})
-    else:
-        values = read_steps(table, rigidities, others, {*rigidities, *others})
+    keys = SECTION_BY_MATRIX if "stiffness" in table.content else SECTION
+    values = read_steps(table, keys, keys.all.keys() - {"xi"})
     with table.owning_errors():
         section = _section(values)
         _check(section)
@@ -117,9 +162,6 @@ def _check(section: Section) -> None:
 
 def read_body(table: toml.Table) -> Body:
     """Body of a table of the array bodies."""
-    values = table.read(
-        {"xi": toml.NUMBER, "mass": toml.NUMBER},
-        {"inertia": toml.MATRIX, "offset": toml.VECTOR},
-    )
+    values = table.read(BODY)
     with table.owning_errors():
         return Body(**values)

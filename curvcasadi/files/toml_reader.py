@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import difflib
+import inspect
 import math
 import re
 import reprlib
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,11 +40,14 @@ def list_of(item: Kind, expected: str, length: int | None = None) -> Kind:
 
 
 TEXT = Kind("a text", lambda value: isinstance(value, str))
+FLAG = Kind("true or false", lambda value: isinstance(value, bool))
 WHOLE = Kind("a whole number", lambda value: type(value) is int)
 REAL = Kind("a number", lambda value: type(value) in (int, float))
 NUMBER = Kind("a finite number", lambda value: REAL.accepts(value) and math.isfinite(value))
 NUMBERS = list_of(NUMBER, "a list of finite numbers")
+ONE_OR_EACH = NUMBER | NUMBERS
 VECTOR = list_of(NUMBER, "3 finite numbers", 3)
+VECTOR_6 = list_of(NUMBER, "6 finite numbers", 6)
 MATRIX = list_of(VECTOR, "3 rows of 3 finite numbers", 3)
 VECTORS = list_of(VECTOR, "a list of rows of 3 finite numbers")
 ROWS = Kind(
@@ -65,6 +69,54 @@ def table_of(*keys: str) -> Kind:
 
 
 @dataclass(frozen=True)
+class Key:
+    """A key of a table: what it must hold, and what the reader of the manual needs to know."""
+
+    kind: Kind
+    meaning: str  #: a phrase; the file formats of the manual are made of these
+    unit: str = ""
+    default: str = ""  #: in words, where it is not that of what the table describes
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Keys:
+    """The keys of one kind of table: both what `Table.read` accepts and what the manual lists."""
+
+    place: str  #: the table as it stands in a file, such as [beam]
+    meaning: str  #: sentences
+    required: Mapping[str, Key] = field(default_factory=dict)
+    optional: Mapping[str, Key] = field(default_factory=dict)
+    describes: Callable[..., Any] | None = None  #: what has these defaults: a class or a function
+
+    @property
+    def all(self) -> dict[str, Key]:
+        """Required and optional keys."""
+        return {**self.required, **self.optional}
+
+    def default(self, name: str) -> Any:
+        """Default of an optional key, as the class or function has it; None where there is none."""
+        if self.optional[name].default or self.describes is None:
+            return self.optional[name].default or None
+        if is_dataclass(self.describes):
+            for entry in fields(self.describes):
+                if entry.name == name and entry.default_factory is not MISSING:
+                    return entry.default_factory()
+        parameter = inspect.signature(self.describes).parameters.get(name)
+        return None if parameter is None else parameter.default
+
+    def with_kinds(self, kinds: Mapping[str, Kind]) -> Keys:
+        """The same keys, some of which hold another kind."""
+
+        def changed(keys: Mapping[str, Key]) -> dict[str, Key]:
+            return {
+                name: replace(key, kind=kinds[name]) if name in kinds else key
+                for name, key in keys.items()
+            }
+
+        return replace(self, required=changed(self.required), optional=changed(self.optional))
+
+
+@dataclass(frozen=True)
 class Table:
     """A table of a TOML file; its errors read `path: [table] key: expected …, found …`."""
 
@@ -75,9 +127,7 @@ class Table:
     def error(self, message: str) -> ValueError:
         return ValueError(f"{self.path}: {f'[{self.name}] ' if self.name else ''}{message}")
 
-    def read(
-        self, required: Mapping[str, Kind], optional: Mapping[str, Kind] | None = None
-    ) -> dict[str, Any]:
+    def read(self, keys: Keys) -> dict[str, Any]:
         """The values by key, each of its kind.
 
         Raises
@@ -85,18 +135,18 @@ class Table:
         ValueError
             For an unknown key, a required one that is missing, or a value of another kind.
         """
-        kinds = {**required, **(optional or {})}
-        for key in self.content:
-            if key not in kinds:
+        known = keys.all
+        for name in self.content:
+            if name not in known:
                 raise self.error(
-                    f"{key}: expected one of the keys {', '.join(kinds)}; "
-                    f"found an unknown key, nearest to {_nearest(key, kinds)}"
+                    f"{name}: expected one of the keys {', '.join(known)}; "
+                    f"found an unknown key, nearest to {_nearest(name, known)}"
                 )
-        for key, kind in kinds.items():
-            missing = key not in self.content
-            if key in required if missing else not kind.accepts(self.content[key]):
-                raise self._mismatch(key, kind.expected)
-        return {key: self.content[key] for key in kinds if key in self.content}
+        for name, key in known.items():
+            missing = name not in self.content
+            if name in keys.required if missing else not key.kind.accepts(self.content[name]):
+                raise self._mismatch(name, key.kind.expected)
+        return {name: self.content[name] for name in known if name in self.content}
 
     def one_of(self, key: str, options: Sequence[str]) -> str:
         """The text of `key`, one of `options`."""
@@ -107,12 +157,18 @@ class Table:
 
     def table(self, key: str) -> Table:
         """The table at `key`."""
-        return Table(self.path, f"{self.name}.{key}".lstrip("."), self.content[key])
+        return Table(self.path, self._dotted(key), self.content[key])
 
     def tables(self, key: str) -> list[Table]:
         """The tables of the array at `key`, `[[key]]` in the file: none where it is missing."""
         entries = self.content.get(key, [])
-        return [Table(self.path, f"{key} {k}", entry) for k, entry in enumerate(entries, start=1)]
+        return [
+            Table(self.path, f"{self._dotted(key)} {k}", entry)
+            for k, entry in enumerate(entries, start=1)
+        ]
+
+    def _dotted(self, key: str) -> str:
+        return f"{self.name}.{key}".lstrip(".")
 
     @contextmanager
     def owning_errors(self) -> Iterator[None]:
@@ -154,6 +210,6 @@ def read_text(path: Path) -> str:
         raise type(error)(f"{path}: expected a readable file, found: {error.strerror}") from None
 
 
-def _nearest(key: str, known: Mapping[str, Kind]) -> str:
+def _nearest(key: str, known: Mapping[str, Key]) -> str:
     names = {name.lower(): name for name in known}
     return names[difflib.get_close_matches(key.lower(), names, n=1, cutoff=0.0)[0]]

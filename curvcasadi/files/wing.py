@@ -6,8 +6,9 @@ A wrong file is refused by a `ValueError` that says where, what was expected and
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from curvcasadi.beam.pose import Pose
 from curvcasadi.files import toml_reader as toml
 from curvcasadi.files.loads import read_load
 from curvcasadi.files.sections import read_body, read_section
+from curvcasadi.files.toml_reader import Key, Keys
 from curvcasadi.lie import so3
 from curvcasadi.symbolic.expressions import rotation_matrix
 
@@ -34,8 +36,142 @@ FAMILIES: dict[str, type] = {
     "piecewise_constant": families.PiecewiseConstant,
     "tabulated": families.Tabulated,
 }
+_FAMILY_KEYS = {
+    "n": Key(toml.WHOLE, "number of functions, and of weights"),
+    "degree": Key(toml.WHOLE, "degree of the piecewise polynomials"),
+    "xi": Key(toml.NUMBERS, "stations s/L of the samples, increasing from 0 to 1"),
+    "values": Key(toml.ROWS, "a row for each station, a column for each function"),
+}
+
+
+def _family_keys(name: str) -> Keys:
+    """The fields of the class of a family, and its name."""
+    entries = {field.name: field.default for field in fields(FAMILIES[name]) if field.init}
+    summary = (inspect.getdoc(FAMILIES[name]) or "").partition("\n\n")[0].replace("\n", " ")
+    return Keys(
+        place=f'[basis.<channel>] with family = "{name}"',
+        meaning=summary,
+        required={
+            "family": Key(toml.TEXT, f"`{name}`"),
+            **{key: _FAMILY_KEYS[key] for key in entries if entries[key] is MISSING},
+        },
+        optional={key: _FAMILY_KEYS[key] for key in entries if entries[key] is not MISSING},
+        describes=FAMILIES[name],
+    )
+
 
 _LIMIT = toml.REAL | toml.list_of(toml.REAL, "a list of numbers")
+
+WING = Keys(
+    place="a wing file",
+    meaning="One beam, its loads, and what is needed to estimate its shape.",
+    required={
+        "beam": Key(toml.table_of(), "length, root and bounds"),
+        "basis": Key(toml.table_of(), "the functions of which the curvature is made"),
+        "grid": Key(toml.table_of(), "elements, and the rule within them"),
+    },
+    optional={
+        "section": Key(toml.table_of(), "stiffness and mass; needed for equilibria"),
+        "bodies": Key(toml.TABLES, "rigid bodies fixed to the wing"),
+        "loads": Key(toml.TABLES, "forces, moments and gravity; `load_beam` leaves them out"),
+        "sensors": Key(toml.TABLES, "sensors on the wing, for `curvcasadi estimate`"),
+        "estimation": Key(toml.table_of(), "the filter, for `curvcasadi estimate`"),
+    },
+)
+BEAM = Keys(
+    place="[beam]",
+    meaning="Geometry of the wing. The parent axes of a wing of an aircraft are its body axes.",
+    required={"length": Key(toml.NUMBER, "arc length of the reference curve", "m")},
+    optional={
+        "root": Key(
+            toml.table_of("position", "rotation"),
+            "place and attitude of the local axes at xi = 0, parent axes",
+            default="at the origin, local axes = parent axes",
+        ),
+        "initial_curvature": Key(
+            toml.VECTOR | toml.table_of("xi", "values"),
+            "curvature K_x, K_y, K_z of the unloaded wing, local axes",
+            "rad/m",
+            "straight",
+        ),
+        "weight_bounds": Key(
+            _LIMIT | toml.table_of("lower", "upper"),
+            "largest absolute value of every weight, or of each",
+            "rad/m",
+            "no bounds",
+        ),
+    },
+    describes=Beam,
+)
+ROOT = Keys(
+    place="[beam.root]",
+    meaning="A pose: a position, and a rotation or a rotation vector.",
+    required={"position": Key(toml.VECTOR, "of the origin of the axes", "m")},
+    optional={
+        "rotation": Key(
+            toml.MATRIX,
+            "rotation matrix, whose columns are the local axes",
+            default="by rotation_vector",
+        ),
+        "rotation_vector": Key(toml.VECTOR, "axis times angle", "rad", "by rotation"),
+    },
+)
+INITIAL_CURVATURE = Keys(
+    place="[beam.initial_curvature]",
+    meaning="A curvature that varies along the span, linear between samples.",
+    required={
+        "xi": Key(toml.NUMBERS, "stations s/L of the samples, increasing from 0 to 1"),
+        "values": Key(toml.VECTORS, "K_x, K_y, K_z at each station", "rad/m"),
+    },
+)
+WEIGHT_BOUNDS = Keys(
+    place="[beam.weight_bounds]",
+    meaning="Bounds that are not symmetric: each one number for all weights, or one for each.",
+    required={
+        "lower": Key(_LIMIT, "lower bounds; -inf for none", "rad/m"),
+        "upper": Key(_LIMIT, "upper bounds; inf for none", "rad/m"),
+    },
+)
+BASIS = Keys(
+    place="[basis]",
+    meaning="A family of functions for each component of the curvature, which is its channel.",
+    optional={
+        name: Key(toml.table_of("family", "n"), meaning, default="no functions: K_0 stays")
+        for name, meaning in zip(
+            CHANNELS,
+            ("functions of K_x", "functions of K_y, bending up and down", "functions of K_z"),
+            strict=True,
+        )
+    },
+)
+#: Keys of a channel by the name of its family.
+FAMILY = {name: _family_keys(name) for name in FAMILIES}
+GRID = Keys(
+    place="[grid]",
+    meaning="Elements along the span, and how each is integrated.",
+    required={
+        "kind": Key(toml.TEXT, "`uniform`, `lobatto` or `custom`"),
+        "elements": Key(toml.WHOLE, "number of elements; not of a custom grid"),
+    },
+    optional={
+        "rule": Key(toml.TEXT, "`trapezoid`, `midpoint`, `magnus4` or `magnus6`"),
+        "exponential": Key(
+            toml.TEXT, "`series`, or the paper's `rodrigues`, `small_angle_sine`, `small_angle`"
+        ),
+        "max_angle": Key(toml.NUMBER, "largest angle that one element may turn", "rad"),
+        "real": Key(toml.TEXT, "arithmetic: `double` or `float`"),
+    },
+    describes=Grid,
+)
+CUSTOM_GRID = replace(
+    GRID,
+    place='[grid] with kind = "custom"',
+    meaning="Elements between boundaries of your own.",
+    required={
+        "kind": GRID.required["kind"],
+        "boundaries": Key(toml.NUMBERS, "stations s/L, increasing from 0 to 1"),
+    },
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -76,10 +212,7 @@ def read_wing(file: toml.Table) -> WingFile:
     """Beam and loads of a wing file that was parsed."""
     if "beams" in file.content:
         raise file.error("expected a wing file, found an aircraft's, with [[beams]]")
-    required = dict.fromkeys(("beam", "basis", "grid"), toml.table_of())
-    optional = {"section": toml.table_of(), "bodies": toml.TABLES, "loads": toml.TABLES}
-    optional |= {"sensors": toml.TABLES, "estimation": toml.table_of()}  # of load_estimation
-    tables = file.read(required, optional)
+    tables = file.read(WING)
     description: dict[str, Any] = {
         "basis": basis_of(file.table("basis")),
         "grid": grid_of(file.table("grid")),
@@ -94,14 +227,7 @@ def read_wing(file: toml.Table) -> WingFile:
 
 
 def beam_values_of(table: toml.Table) -> dict[str, Any]:
-    values = table.read(
-        {"length": toml.NUMBER},
-        {
-            "root": toml.table_of("position", "rotation"),
-            "initial_curvature": toml.VECTOR | toml.table_of("xi", "values"),
-            "weight_bounds": _LIMIT | toml.table_of("lower", "upper"),
-        },
-    )
+    values = table.read(BEAM)
     readers: dict[str, Callable[[toml.Table], Any]] = {
         "root": root_of,
         "initial_curvature": _initial_curvature,
@@ -114,7 +240,7 @@ def beam_values_of(table: toml.Table) -> dict[str, Any]:
 
 
 def basis_of(table: toml.Table) -> ChannelBasis:
-    channels = table.read({}, dict.fromkeys(CHANNELS, toml.table_of("family", "n")))
+    channels = table.read(BASIS)
     made = {channel: _family(table.table(channel)) for channel in channels}
     with table.owning_errors():
         return ChannelBasis(**made)
@@ -122,12 +248,7 @@ def basis_of(table: toml.Table) -> ChannelBasis:
 
 def _family(table: toml.Table) -> families.Family:
     name = table.one_of("family", tuple(FAMILIES))
-    kinds = {"n": toml.WHOLE, "degree": toml.WHOLE, "xi": toml.NUMBERS, "values": toml.ROWS}
-    keys = {field.name: field.default for field in fields(FAMILIES[name]) if field.init}
-    values = table.read(
-        {"family": toml.TEXT} | {key: kinds[key] for key in keys if keys[key] is MISSING},
-        {key: kinds[key] for key in keys if keys[key] is not MISSING},
-    )
+    values = table.read(FAMILY[name])
     del values["family"]
     with table.owning_errors():
         family: families.Family = FAMILIES[name](**values)
@@ -136,19 +257,14 @@ def _family(table: toml.Table) -> families.Family:
 
 def grid_of(table: toml.Table) -> Grid:
     kind = table.one_of("kind", ("uniform", "lobatto", "custom"))
-    size = {"boundaries": toml.NUMBERS} if kind == "custom" else {"elements": toml.WHOLE}
-    values = table.read(
-        {"kind": toml.TEXT, **size},
-        {"rule": toml.TEXT, "exponential": toml.TEXT, "max_angle": toml.NUMBER, "real": toml.TEXT},
-    )
+    values = table.read(CUSTOM_GRID if kind == "custom" else GRID)
     with table.owning_errors():
         return Grid(**values)
 
 
 def root_of(table: toml.Table) -> Pose:
-    attitudes = {"rotation": toml.MATRIX, "rotation_vector": toml.VECTOR}
-    values = table.read({"position": toml.VECTOR}, attitudes)
-    given = [key for key in attitudes if key in values]
+    values = table.read(ROOT)
+    given = [key for key in ROOT.optional if key in values]
     if len(given) != 1:
         raise table.error(
             f"expected rotation or rotation_vector, found {'both' if given else 'neither'}"
@@ -164,11 +280,11 @@ def root_of(table: toml.Table) -> Pose:
 
 def _initial_curvature(table: toml.Table) -> families.Tabulated:
     """K_0 (3,) as a function of xi: linear between samples, with a break at each."""
-    values = table.read({"xi": toml.NUMBERS, "values": toml.VECTORS})
+    values = table.read(INITIAL_CURVATURE)
     with table.owning_errors():
         return families.Tabulated(**values)
 
 
 def _weight_bounds(table: toml.Table) -> tuple[Any, Any]:
-    values = table.read({"lower": _LIMIT, "upper": _LIMIT})
+    values = table.read(WEIGHT_BOUNDS)
     return values["lower"], values["upper"]

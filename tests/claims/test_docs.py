@@ -1,5 +1,7 @@
 """README and pages keep their word: code runs, tables agree with the package, files exist."""
 
+import ast
+import importlib
 import re
 import tomllib
 from pathlib import Path
@@ -7,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import curvcasadi
-from docs import api, pages
+from docs import api, formats, pages
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -83,6 +85,42 @@ def test_named_tests_exist():
         source = (ROOT / "tests" / file).read_text()
         assert not test or f"def {test}(" in source, (file, test)
     assert seen > 30
+
+
+def keys_read():
+    """(module, name of the description) of every `table.read(…)` of the modules that read files."""
+    for path in (ROOT / "curvcasadi" / "files").glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if (
+                isinstance(node, ast.Call)
+                and getattr(node.func, "attr", "") == "read"
+                and node.args
+            ):
+                names = [n.id for n in ast.walk(node.args[0]) if isinstance(n, ast.Name)]
+                yield path.stem, [name for name in names if name.isupper()], ast.unparse(node)
+
+
+def test_every_key_that_is_read_is_documented():
+    page, documented = formats.page(), set()
+    for name in (name for names in formats.MODULES.values() for name in names):
+        module = importlib.import_module(f"curvcasadi.files.{name}")
+        for keys in formats.tables_of(module):
+            documented.add(id(keys))
+            assert formats.table(keys) in page
+            for name_of_key, key in keys.all.items():
+                assert f"| `{name_of_key}` |" in formats.table(keys), (keys.place, name_of_key)
+                assert key.meaning, (keys.place, name_of_key)
+    read = list(keys_read())
+    assert len(read) > 20
+    for name, constants, call in read:
+        if call in ("table.read(keys)", "table.read(keys.with_kinds(kinds))"):
+            continue  # of LOADS, SECTION and SECTION_BY_MATRIX, which the module documents
+        assert constants, call  # no key is read that is not in a description
+        module = importlib.import_module(f"curvcasadi.files.{name}")
+        for constant in constants:
+            value = getattr(module, constant)
+            for keys in value.values() if isinstance(value, dict) else [value]:
+                assert id(keys) in documented, (name, constant)
 
 
 def test_every_public_name_is_in_the_reference():

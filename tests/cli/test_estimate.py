@@ -16,8 +16,9 @@ from curvcasadi.cli import estimate as estimate_command
 from curvcasadi.cli.main import main
 from curvcasadi.estimation.ekf.run import run_ekf
 from curvcasadi.estimation.ekf.stream import History, Point, RowStepper, row_function
-from curvcasadi.files.estimation import SENSOR_KINDS, load_estimation
+from curvcasadi.files.estimation import load_estimation
 from curvcasadi.files.log import read_log
+from curvcasadi.files.sensors import SENSOR_KINDS
 from curvcasadi.kinematics.jacobian import body_jacobian
 from curvcasadi.kinematics.shape import pose_at
 from curvcasadi.sensors import RootMotion, measure

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 from curvcasadi.aero import ControlSurface, ExponentialTipLoss, StripAerodynamics
 from curvcasadi.aero.strip import QUANTITIES, coefficients
-from curvcasadi.beam.section import Steps
+from curvcasadi.beam.along import Steps
 from curvcasadi.files import toml_reader as toml
 from curvcasadi.files.toml_reader import Key, Keys
 

@@ -30,7 +30,14 @@ from curvcasadi.loads.stations import (
     loaded_mesh,
     sites,
 )
-from curvcasadi.symbolic.expressions import AnyExpr, Number, expression, positive, rotation_matrix
+from curvcasadi.symbolic.expressions import (
+    AnyExpr,
+    Number,
+    expression,
+    own_fields,
+    positive,
+    rotation_matrix,
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,6 +50,7 @@ class Flow:
     wind: Number = (0.0, 0.0, 0.0)  #: velocity of the air, (3,), m/s, inertial axes
 
     def __post_init__(self) -> None:
+        own_fields(self)
         positive("Flow.density", self.density, zero=True)
         for name in ("velocity", "angular_rate", "wind"):
             value = expression(f"Flow.{name}", getattr(self, name), (3, 1))
@@ -69,6 +77,7 @@ class AerodynamicLoad(Load):
     wrench = staticmethod(strip_wrench)
 
     def __post_init__(self) -> None:
+        own_fields(self)
         for name, kind in (("strips", StripAerodynamics), ("flow", Flow)):
             if not isinstance(getattr(self, name), kind):
                 raise ValueError(

@@ -8,7 +8,16 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 
 from curvcasadi.beam.along import Along, Check, breaks_of, scalar
-from curvcasadi.symbolic.expressions import AnyExpr, Number, choice, expression, positive, station
+from curvcasadi.symbolic.expressions import (
+    COINCIDENT,
+    AnyExpr,
+    Number,
+    choice,
+    expression,
+    own_fields,
+    positive,
+    station,
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -24,12 +33,14 @@ class ControlSurface:
     antisymmetric: bool = False  #: deflects the other way on a mirrored wing, as ailerons do
 
     def __post_init__(self) -> None:
+        own_fields(self)
         for name in ("lift", "moment", "drag"):
             expression(f"ControlSurface.{name}", getattr(self, name), (1, 1))
-        start = station("ControlSurface.start", self.start)
-        if station("ControlSurface.end", self.end) <= start:
+        for name in ("start", "end"):
+            object.__setattr__(self, name, station(f"ControlSurface.{name}", getattr(self, name)))
+        if self.end - self.start <= COINCIDENT:
             raise ValueError(
-                f"ControlSurface.end: expected above start = {start}, found {self.end}"
+                f"ControlSurface.end: expected above start = {self.start}, found {self.end}"
             )
 
 
@@ -71,6 +82,7 @@ class StripAerodynamics:
     _quantities: dict[str, Along] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        own_fields(self)
         choice("StripAerodynamics.upper_side", self.upper_side, (1, -1))
         object.__setattr__(self, "controls", tuple(self.controls))
         quantities = {

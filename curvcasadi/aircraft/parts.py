@@ -13,16 +13,16 @@ import casadi as ca
 from curvcasadi.aero import Flow, StripAerodynamics, mirror_aero
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.mirror import mirror
-from curvcasadi.beam.pose import Pose
-from curvcasadi.beam.section import symmetric
+from curvcasadi.beam.pose import Pose, checked_pose
 from curvcasadi.loads.kinds import Gravity
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Number,
     expression,
-    is_numeric,
+    own_fields,
     positive,
-    rotation_matrix,
+    symmetric,
+    unit_vector,
 )
 
 
@@ -35,11 +35,12 @@ class RigidBody:
     inertia: Number | None = None  #: (3, 3) about the centre of mass, kg m²; steady flight has none
 
     def __post_init__(self) -> None:
+        own_fields(self)
         positive("RigidBody.mass", self.mass)
         center = expression("RigidBody.center_of_mass", self.center_of_mass, (3, 1))
         object.__setattr__(self, "center_of_mass", center)
         if self.inertia is not None:
-            symmetric("RigidBody.inertia", self.inertia)
+            object.__setattr__(self, "inertia", symmetric("RigidBody.inertia", self.inertia))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,11 +52,11 @@ class Thrust:
     direction: Number = (1.0, 0.0, 0.0)  #: (3,), unit vector, body axes
 
     def __post_init__(self) -> None:
-        for name in ("position", "direction"):
-            value = expression(f"Thrust.{name}", getattr(self, name), (3, 1))
-            object.__setattr__(self, name, value)
-        if is_numeric(self.direction) and abs(float(ca.norm_2(self.direction)) - 1) > 1e-6:
-            raise ValueError(f"Thrust.direction: expected a unit vector, found {self.direction}")
+        own_fields(self)
+        position = expression("Thrust.position", self.position, (3, 1))
+        object.__setattr__(self, "position", position)
+        direction = unit_vector("Thrust.direction", self.direction)
+        object.__setattr__(self, "direction", direction)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -73,9 +74,8 @@ class LiftingSurface:
 
     def __post_init__(self) -> None:
         positive("LiftingSurface.area", self.area)
-        for name, kind in (("pose", Pose), ("strips", StripAerodynamics)):
-            _is(f"LiftingSurface.{name}", getattr(self, name), kind)
-        rotation_matrix("LiftingSurface.pose.rotation", self.pose.rotation)
+        _is("LiftingSurface.strips", self.strips, StripAerodynamics)
+        object.__setattr__(self, "pose", checked_pose("LiftingSurface.pose", self.pose))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -8,7 +8,15 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from curvcasadi.symbolic.expressions import AnyExpr, expression, is_numeric, numbers
+from curvcasadi.symbolic.expressions import (
+    AnyExpr,
+    copied,
+    expression,
+    increasing_stations,
+    is_numeric,
+    numbers,
+    own_fields,
+)
 
 #: (name, value) -> the value as it is used, or a ValueError that begins with the name.
 Check: TypeAlias = Callable[[str, Any], Any]
@@ -32,16 +40,22 @@ class Piecewise:
 
     def __post_init__(self) -> None:
         name = type(self).__name__
-        xi = np.atleast_1d(numbers(f"{name}.xi", self.xi))
-        object.__setattr__(self, "xi", xi)
-        _, times = np.unique(xi, return_counts=True)
-        twice = self.linear and times[0] == times[-1] == 1
-        rising = xi.ndim == 1 and np.all(np.diff(xi) >= 0) and times.max() <= 1 + twice
-        if not rising or xi.size < 2 or xi[0] != 0 or xi[-1] != 1:
-            raise ValueError(
-                f"{name}.xi: expected increasing stations that cover 0 to 1, found {xi.tolist()}"
-            )
+        own_fields(self)
+        xi = increasing_stations(f"{name}.xi", self.xi)
         self._check_number(name, len(xi))
+        # What rounding alone made two stations is one; in a linear table inside the span, a jump.
+        rounded = (np.diff(xi) == 0) & (np.diff(numbers(f"{name}.xi", self.xi)) != 0)
+        if self.linear:
+            before, after = [*(rounded & (xi[1:] == 1)), False], [False, *(rounded & (xi[1:] == 0))]
+            kept = values = np.flatnonzero(~np.logical_or(before, after))
+        else:
+            values = np.flatnonzero(~rounded)
+            kept = np.append(values, len(xi) - 1)
+        _, times = np.unique(xi[kept], return_counts=True)
+        if times.max() > 1 + (self.linear and times[0] == times[-1] == 1):
+            raise ValueError(f"{name}.xi: expected increasing stations, found {xi.tolist()}")
+        object.__setattr__(self, "xi", xi[kept])
+        object.__setattr__(self, "values", tuple(self.values[int(k)] for k in values))
 
     def _check_number(self, name: str, stations: int) -> None:
         if len(self.values) not in (stations - 1, stations):
@@ -100,7 +114,7 @@ class Along:
 
     def __post_init__(self) -> None:
         if not self.varies:
-            object.__setattr__(self, "source", self.check(self.name, self.source))
+            object.__setattr__(self, "source", self.check(self.name, copied(self.source)))
 
     @property
     def varies(self) -> bool:

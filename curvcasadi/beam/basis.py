@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from curvcasadi.beam.families import Family
-from curvcasadi.symbolic.expressions import Array, count, numbers
+from curvcasadi.symbolic.expressions import Array, count, numbers, station
 
 CHANNELS = ("torsion", "out_of_plane", "in_plane")
 
@@ -109,9 +109,8 @@ class VectorBasis:
         count("VectorBasis.n", self.n)
         if not callable(self.function):
             raise ValueError(f"VectorBasis.function: expected a function, found {self.function!r}")
-        if not all(0 < x < 1 for x in self.breaks):
-            raise ValueError(f"VectorBasis.breaks: expected numbers in (0, 1), found {self.breaks}")
-        object.__setattr__(self, "breaks", tuple(sorted(self.breaks)))
+        breaks = {station("VectorBasis.breaks", x) for x in self.breaks}
+        object.__setattr__(self, "breaks", tuple(sorted(breaks - {0.0, 1.0})))
         labels = tuple(self.labels) or tuple(f"coupled: {k}" for k in range(self.n))
         if len(labels) != self.n:
             raise ValueError(f"VectorBasis.labels: expected {self.n} names, found {self.labels}")

@@ -10,17 +10,19 @@ import numpy as np
 
 from curvcasadi.beam.along import Along, breaks_of, vector
 from curvcasadi.beam.basis import Basis
-from curvcasadi.beam.grid import COINCIDENT, Grid
-from curvcasadi.beam.pose import Pose
+from curvcasadi.beam.grid import Grid
+from curvcasadi.beam.pose import Pose, checked_pose
 from curvcasadi.beam.section import Body, Section
 from curvcasadi.symbolic.expressions import (
+    COINCIDENT,
     AnyExpr,
     Array,
     Number,
     instance,
     is_numeric,
+    own_fields,
     positive,
-    rotation_matrix,
+    station,
 )
 
 
@@ -43,13 +45,10 @@ class Beam:
     _bounds: tuple[Array, Array] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        own_fields(self)
         object.__setattr__(self, "length", positive("Beam.length", self.length))
-        for name, kind in (("grid", Grid), ("root", Pose)):
-            if not isinstance(getattr(self, name), kind):
-                raise ValueError(
-                    f"Beam.{name}: expected a {kind.__name__}, found {getattr(self, name)!r}"
-                )
-        rotation_matrix("Beam.root.rotation", self.root.rotation)
+        instance("Beam.grid", self.grid, Grid)
+        object.__setattr__(self, "root", checked_pose("Beam.root", self.root))
         object.__setattr__(self, "bodies", tuple(self.bodies or ()))
         for body in self.bodies:
             instance("Beam.bodies", body, Body)
@@ -126,9 +125,7 @@ class Beam:
 
 def merged_breaks(points: Iterable[float]) -> tuple[float, ...]:
     """Sorted interior stations without near-coincident ones."""
-    ordered = sorted(float(x) for x in points)
-    if not all(0 <= x <= 1 for x in ordered):
-        raise ValueError(f"breaks: expected numbers in [0, 1], found {ordered}")
+    ordered = sorted(station("breaks", x) for x in points)
     kept: list[float] = []
     for x in ordered:
         if x - (kept[-1] if kept else 0.0) > COINCIDENT and 1.0 - x > COINCIDENT:

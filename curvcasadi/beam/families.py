@@ -16,7 +16,7 @@ from scipy.interpolate import BSpline as ScipyBSpline
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import brentq
 
-from curvcasadi.symbolic.expressions import Array, count, numbers
+from curvcasadi.symbolic.expressions import Array, choice, count, increasing_stations, numbers
 
 
 class Family(Protocol):
@@ -164,20 +164,26 @@ class Tabulated:
     _spline: Callable[[float], Any] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        xi, values = numbers("Tabulated.xi", self.xi), numbers("Tabulated.values", self.values)
-        if self.degree not in (1, 3):
-            raise ValueError(f"Tabulated.degree: expected 1 or 3, found {self.degree!r}")
-        if xi.ndim != 1 or len(xi) <= self.degree or np.any(np.diff(xi) <= 0):
+        choice("Tabulated.degree", self.degree, (1, 3))
+        stations = increasing_stations("Tabulated.xi", self.xi)
+        values = numbers("Tabulated.values", self.values)
+        xi, first, of_sample = np.unique(stations, return_index=True, return_inverse=True)
+        if len(xi) <= self.degree:
             raise ValueError(
                 f"Tabulated.xi: expected more than {self.degree} increasing stations, "
                 f"found {xi.tolist()}"
             )
-        if xi[0] != 0 or xi[-1] != 1:
-            raise ValueError(f"Tabulated.xi: expected 0 to 1, found {xi[0]} to {xi[-1]}")
-        if values.ndim != 2 or len(values) != len(xi) or values.shape[1] == 0:
+        if values.ndim != 2 or len(values) != len(stations) or values.shape[1] == 0:
             raise ValueError(
-                f"Tabulated.values: expected shape ({len(xi)}, n), found {values.shape}"
+                f"Tabulated.values: expected shape ({len(stations)}, n), found {values.shape}"
             )
+        again = values[first][of_sample]
+        for k in np.flatnonzero(np.any(np.abs(values - again) > 1e-9 * np.abs(again), axis=1)):
+            raise ValueError(
+                f"Tabulated.values: expected one sample at xi = {stations[k]:g}, "
+                f"found {again[k].tolist()} and {values[k].tolist()}"
+            )
+        values = values[first]
         for name, array in (("xi", xi), ("values", values)):
             array.setflags(write=False)
             object.__setattr__(self, name, array)

@@ -10,13 +10,18 @@ import numpy as np
 
 from curvcasadi.beam.quadrature import GridKind, Panel, lobatto_points, panels_between
 from curvcasadi.lie.series import degree_for
-from curvcasadi.symbolic.expressions import Array, Real, choice, count, numbers
+from curvcasadi.symbolic.expressions import (
+    COINCIDENT,
+    Array,
+    Real,
+    choice,
+    count,
+    increasing_stations,
+    numbers,
+)
 
 RuleName = Literal["trapezoid", "midpoint", "magnus4", "magnus6"]
 ExponentialName = Literal["series", "rodrigues", "small_angle_sine", "small_angle"]
-
-#: Stations closer than this are one station.
-COINCIDENT = 1e-12
 
 
 class ElementRule(Protocol):
@@ -102,17 +107,7 @@ class Grid:
         if self.kind != "custom":
             count("Grid.elements", cast(int, self.elements))
             return
-        boundaries = numbers("Grid.boundaries", self.boundaries)
-        if boundaries.ndim != 1 or len(boundaries) < 2 or not np.all(np.diff(boundaries) > 0):
-            raise ValueError(
-                "Grid.boundaries: expected at least two numbers, each above the one before; "
-                f"found {boundaries.tolist()}"
-            )
-        if boundaries[0] != 0 or boundaries[-1] != 1:
-            raise ValueError(
-                "Grid.boundaries: expected the first to be 0 and the last 1, "
-                f"found {boundaries[0]} and {boundaries[-1]}"
-            )
+        boundaries = np.unique(increasing_stations("Grid.boundaries", self.boundaries))
         boundaries.setflags(write=False)
         object.__setattr__(self, "boundaries", boundaries)
 

@@ -6,7 +6,16 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from curvcasadi.symbolic.expressions import AnyExpr, Expr, Number, expression
+from curvcasadi.symbolic.expressions import (
+    AnyExpr,
+    Expr,
+    Number,
+    copied,
+    expression,
+    instance,
+    is_numeric,
+    rotation_matrix,
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -18,7 +27,7 @@ class Pose:
 
     def __post_init__(self) -> None:
         for name, shape in (("rotation", (3, 3)), ("position", (3, 1))):
-            value = expression(f"Pose.{name}", getattr(self, name), shape)
+            value = copied(expression(f"Pose.{name}", getattr(self, name), shape))
             object.__setattr__(self, name, value)
 
     @property
@@ -52,3 +61,9 @@ def unpack_pose(state: Expr) -> tuple[Expr, Expr]:
     """(R, p) of a vector that begins with (vec R, p)."""
     rotation: Expr = ca.reshape(state[:9], 3, 3)
     return rotation, state[9:12]
+
+
+def checked_pose(name: str, pose: Pose) -> Pose:
+    """`pose` with a rotation by `rotation_matrix`: numbers with a few digits orthonormalized."""
+    rotation = rotation_matrix(f"{name}.rotation", instance(name, pose, Pose).rotation)
+    return Pose(rotation=rotation, position=pose.position) if is_numeric(rotation) else pose

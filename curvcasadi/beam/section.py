@@ -15,8 +15,10 @@ from curvcasadi.symbolic.expressions import (
     Number,
     expression,
     is_numeric,
+    own_fields,
     positive,
     station,
+    symmetric,
 )
 
 #: Rigidities in the order of K_x, K_y, K_z, and the couplings of two of them.
@@ -52,6 +54,7 @@ class Section:
     _quantities: dict[str, Along] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        own_fields(self)
         if self.mass_per_length is not None and not callable(self.mass_per_length):
             positive("Section.mass_per_length", self.mass_per_length)
         quantities = {
@@ -122,9 +125,10 @@ class Body:
     offset: Number = (0.0, 0.0, 0.0)  #: its centre from the reference curve, m, local axes
 
     def __post_init__(self) -> None:
-        station("Body.xi", self.xi)
+        own_fields(self)
+        object.__setattr__(self, "xi", station("Body.xi", self.xi))
         positive("Body.mass", self.mass, zero=True)
-        semidefinite("Body.inertia", self.inertia)
+        object.__setattr__(self, "inertia", semidefinite("Body.inertia", self.inertia))
         object.__setattr__(self, "offset", expression("Body.offset", self.offset, (3, 1)))
 
 
@@ -136,19 +140,6 @@ def condense_axial(stiffness: Number) -> Array:
     """
     matrix = symmetric("stiffness", stiffness, size=4, definite=True).full()
     return np.asarray(matrix[1:, 1:] - np.outer(matrix[1:, 0], matrix[0, 1:]) / matrix[0, 0])
-
-
-def symmetric(name: str, value: Number, *, size: int = 3, definite: bool = False) -> AnyExpr:
-    """`value`, a symmetric matrix, positive definite if `definite`; symbols as they are."""
-    matrix = expression(name, value, (size, size))
-    if not is_numeric(matrix):
-        return matrix
-    entries = matrix.full()
-    if not np.allclose(entries, entries.T, rtol=1e-9, atol=0):
-        raise ValueError(f"{name}: expected a symmetric matrix, found {entries.tolist()}")
-    if definite and np.linalg.eigvalsh(entries)[0] <= 0:
-        raise ValueError(f"{name}: expected a positive definite matrix, found {entries.tolist()}")
-    return matrix
 
 
 def semidefinite(name: str, value: Number) -> AnyExpr:

@@ -11,12 +11,9 @@ from curvcasadi.estimation.ekf.consistency import Tally
 from curvcasadi.estimation.ekf.stream import History, RowStepper
 from curvcasadi.files.estimation import INPUT_COLUMNS, EstimationFile
 from curvcasadi.files.log import LogRow
-from curvcasadi.symbolic.expressions import Array
+from curvcasadi.symbolic.expressions import Array, rotation_matrix
 
 MOST_SAMPLES = 2000  #: that a figure keeps
-#: Largest entry of Rᵀ R − I of what counts as a rotation: three digits are enough, and nothing
-#: passes that the filter takes for missing, as no rotation to 1e-2.
-ROTATION_TOLERANCE = 3.5e-3
 
 
 class LogFilter:
@@ -47,7 +44,7 @@ class LogFilter:
         """The line of the output."""
         stepper, values = self._stepper, np.array(row.values)
         for where in self._attitudes:
-            self._check_attitude(row, where, values[where])
+            values[where] = self._attitude(row, where, values[where])
         if self._known.size:
             self._know(row, values[: self._known.size])
             values = values[self._known.size :]
@@ -72,21 +69,14 @@ class LogFilter:
         self.history.add(row.time, stepper.shown)
         return f"{row.time!r},{self._form % (*stepper.shown,)}"
 
-    def _check_attitude(self, row: LogRow, where: slice, entries: Array) -> None:
-        matrix = entries.reshape(3, 3)  # its transpose: entries stand by columns
-        if np.isnan(matrix).any():
-            return
-        error = np.abs(matrix @ matrix.T - np.eye(3)).max()
-        fault = "a reflection" if np.linalg.det(matrix) < 0 else ""
-        if error > ROTATION_TOLERANCE:
-            fault = f"entries up to {error:.2g}"
-        if fault:
-            names = [*self._wing.columns.inputs, *self._wing.columns.values][where]
-            raise ValueError(
-                f"{self._log}: line {row.line}, columns {names[0]} to {names[-1]}: expected a "
-                "rotation matrix R by columns, entries of RᵀR − I up to "
-                f"{ROTATION_TOLERANCE:g}, found {fault}: {entries.tolist()}"
-            )
+    def _attitude(self, row: LogRow, where: slice, entries: Array) -> Array:
+        """The rotation, by columns, that `entries` of a few digits mean; NaN where missing."""
+        if np.isnan(entries).any():
+            return entries
+        names = [*self._wing.columns.inputs, *self._wing.columns.values][where]
+        name = f"{self._log}: line {row.line}, columns {names[0]} to {names[-1]} of a rotation"
+        rotation = rotation_matrix(name, entries.reshape(3, 3, order="F"))
+        return np.asarray(rotation.full().ravel(order="F"))
 
     def _know(self, row: LogRow, given: Array) -> None:
         """Motion of the root keeps its last value."""

@@ -115,7 +115,7 @@ def _transition(process: Process) -> ca.Function:
         arguments.append(rate)
         angle = dt * process.root_rotation @ (rate - parts.get("root_gyro_bias", 0))
         turn = so3.exp(angle, DEGREE)
-        parts["attitude"] = ca.vec(orthonormal(ca.reshape(parts["attitude"], 3, 3) @ turn))
+        parts["attitude"] = ca.vec(so3.orthonormal(ca.reshape(parts["attitude"], 3, 3) @ turn))
         turned = turn.T @ unit[at["attitude"], :]
         if process.root_bias:
             lever = dt * so3.right_jacobian(angle, DEGREE) @ process.root_rotation
@@ -133,11 +133,6 @@ def _with_diagonal(matrix: ca.SX, diagonal: ca.SX) -> ca.SX:
     for i in range(matrix.shape[0]):
         changed[i, i] = diagonal[i]
     return changed
-
-
-def orthonormal(matrix: AnyExpr) -> AnyExpr:
-    """A matrix close to a rotation, closer: one Newton step, C (3 I − Cᵀ C)/2."""
-    return matrix @ (1.5 * ca.DM.eye(3) - 0.5 * (matrix.T @ matrix))
 
 
 def _noise(process: Process, dt: ca.MX) -> list[tuple[ca.MX, ca.MX]]:

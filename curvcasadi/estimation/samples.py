@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from curvcasadi.sensors import AttitudeSensor, Channels, Sensor, sensor_channels
-from curvcasadi.sensors.station import is_rotation
 from curvcasadi.symbolic.expressions import (
     Array,
     Number,
     expression,
+    is_rotation,
     numbers,
     numeric,
     rotation_matrix,
@@ -121,9 +121,10 @@ def input_values(
     if set(inputs) != set(shapes):
         found = sorted(map(str, inputs))
         raise ValueError(f"{where}: expected {sorted(shapes)}, found {found}")
+    values = dict(inputs)
     if "attitude" in shapes:
-        rotation_matrix(f"{where}['attitude']", inputs["attitude"])
-    return {k: numeric_array(f"{where}[{k!r}]", inputs[k], shape) for k, shape in shapes.items()}
+        values["attitude"] = rotation_matrix(f"{where}['attitude']", inputs["attitude"])
+    return {k: numeric_array(f"{where}[{k!r}]", values[k], shape) for k, shape in shapes.items()}
 
 
 def numeric_array(name: str, value: Number, shape: tuple[int, int]) -> Array:

@@ -30,6 +30,7 @@ from curvcasadi.symbolic.expressions import (
     numbers,
     numeric,
     rotation_matrix,
+    symmetric,
 )
 
 
@@ -152,10 +153,13 @@ def measured_values(model: SensorModel, measurements: Any) -> Array:
                 f"measurements: expected names among {', '.join(names)}; found {', '.join(unknown)}"
             )
         found = np.concatenate([_by_name(measurements, part) for part in layout.parts])
-    for part, sensor, values in zip(layout.parts, model.sensors, model.split(found), strict=True):
-        if isinstance(sensor, AttitudeSensor) and np.all(np.isfinite(values)):
-            rotation_matrix(f"measurements of {part.name}", values.reshape(3, 3, order="F"))
-    return found
+    split = model.split(found)
+    for i, (part, sensor) in enumerate(zip(layout.parts, model.sensors, strict=True)):
+        if isinstance(sensor, AttitudeSensor) and np.all(np.isfinite(split[i])):
+            matrix = split[i].reshape(3, 3, order="F")
+            rotation = rotation_matrix(f"measurements of {part.name}", matrix)
+            split[i] = rotation.full().ravel(order="F")
+    return np.concatenate(split)
 
 
 def _by_name(measurements: Mapping[str, Number], part: Any) -> Array:
@@ -192,13 +196,4 @@ def covariance_matrix(name: str, value: Number, n: int) -> Array:
             f"{name}: expected a standard deviation, {n} of them or a covariance {(n, n)}, "
             f"found shape {found.shape}"
         )
-    scale = np.sqrt(np.abs(np.diag(found)))
-    symmetric = np.allclose(
-        found, found.T, rtol=0, atol=1e-9 * float(np.max(np.outer(scale, scale)))
-    )
-    if not symmetric or np.min(np.linalg.eigvalsh(found)) <= 0:
-        raise ValueError(
-            f"{name}: expected a symmetric, positive definite covariance, found eigenvalues "
-            f"{np.linalg.eigvals(found).tolist()}"
-        )
-    return (found + found.T) / 2
+    return np.asarray(symmetric(name, found, size=n, definite=True).full())

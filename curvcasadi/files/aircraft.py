@@ -11,8 +11,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from curvcasadi.aircraft.parts import Aircraft, LiftingSurface, RigidBody, Thrust, Wing, mirror_wing
 from curvcasadi.beam.beam import Beam
 from curvcasadi.files import toml_reader as toml
@@ -216,10 +214,5 @@ def _surface(table: toml.Table) -> LiftingSurface:
 
 def _thrust(table: toml.Table) -> Thrust:
     values = table.read(THRUST)
-    length = np.linalg.norm(values.get("direction", [1.0]))
-    if abs(length - 1) > 1e-6:
-        raise table.error(
-            f"direction: expected a unit vector, found {values['direction']} of length {length:g}"
-        )
     with table.owning_errors():
         return Thrust(**values)

@@ -17,11 +17,12 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.beam.grid import COINCIDENT, ElementRule, ExponentialName
+from curvcasadi.beam.grid import ElementRule, ExponentialName
 from curvcasadi.beam.pose import Pose, unpack_pose
 from curvcasadi.kinematics import element
 from curvcasadi.kinematics.rules import rule_of
 from curvcasadi.symbolic.expressions import (
+    COINCIDENT,
     AnyExpr,
     Array,
     is_numeric,

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field, fields
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam.pose import Pose
+from curvcasadi.beam.pose import Pose, checked_pose
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Number,
     expression,
     instance,
     is_numeric,
-    rotation_matrix,
+    own_fields,
 )
 
 #: What a Function may take of the root's motion, by name of the input: its shape.
@@ -49,8 +49,8 @@ class RootMotion:
     magnetic_field: Number | None = None  #: (3, 1), T, inertial axes
 
     def __post_init__(self) -> None:
-        instance("RootMotion.pose", self.pose, Pose)
-        rotation_matrix("RootMotion.pose.rotation", self.pose.rotation)
+        own_fields(self)
+        object.__setattr__(self, "pose", checked_pose("RootMotion.pose", self.pose))
         for name, size in (("twist", 6), ("twist_rate", 6), ("gravity", 3), ("magnetic_field", 3)):
             value = getattr(self, name)
             if value is not None or size == 6:

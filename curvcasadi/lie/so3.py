@@ -98,6 +98,14 @@ def _angle_over_sine(half: Expr) -> Expr:
     return value / (ca.sqrt(1 - eighth) * cos_quarter * cos_half)
 
 
+def orthonormal(matrix: Expr) -> Expr:
+    """A matrix close to a rotation, closer: one Newton step, C (3 I − Cᵀ C)/2.
+
+    It leaves 3/8 of the square of the deviations, to the nearest rotation.
+    """
+    return matrix @ (1.5 * ca.DM.eye(3) - 0.5 * (matrix.T @ matrix))
+
+
 def left_jacobian(k: Expr, degree: int = series.DEGREE) -> Expr:
     """J_l(k), (3, 3): d exp(k) = [J_l dk ×] exp(k); also ∫ exp(t k) dt over [0, 1]."""
     x = ca.sumsqr(k)

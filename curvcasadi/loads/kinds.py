@@ -59,7 +59,7 @@ class PointForce(Load):
     offset: Number = (0.0, 0.0, 0.0)  #: where it acts from the reference curve, m, local axes
 
     def __post_init__(self) -> None:
-        station("PointForce.xi", self.xi)
+        object.__setattr__(self, "xi", station("PointForce.xi", self.xi))
         choice("PointForce.frame", self.frame, FRAMES)
         _check(self, "force", "offset")
 
@@ -83,7 +83,7 @@ class PointMoment(Load):
     frame: Frame = "dead"
 
     def __post_init__(self) -> None:
-        station("PointMoment.xi", self.xi)
+        object.__setattr__(self, "xi", station("PointMoment.xi", self.xi))
         choice("PointMoment.frame", self.frame, FRAMES)
         _check(self, "moment")
 

@@ -15,7 +15,7 @@ from curvcasadi.ocp.targets import (
     checked_problem,
     residuals,
     rest_values,
-    rotation_defect,
+    rotations_defect,
 )
 from curvcasadi.solvers.certificate import TOLERANCES, Bounds, larger
 from curvcasadi.solvers.sqp import gauss_newton_sqp
@@ -163,4 +163,4 @@ def shape_target_function(
 def _miss(problem: Residuals) -> ca.MX:
     """Largest error of a target to be met over its tolerance, or of a rotation that is none."""
     errors = ca.fabs(problem.to_meet) / problem.tolerances
-    return ca.mmax(ca.vertcat(rotation_defect(problem.rotations), errors))
+    return ca.mmax(ca.vertcat(rotations_defect(problem.rotations), errors))

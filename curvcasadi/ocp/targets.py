@@ -19,7 +19,9 @@ from curvcasadi.symbolic.expressions import (
     function_name,
     instance,
     numeric,
+    own_fields,
     positive,
+    rotation_defect,
     rotation_matrix,
     station,
 )
@@ -28,8 +30,6 @@ from curvcasadi.symbolic.functions import function
 #: Fraction of the length, and rad, within which a target counts as met unless it says otherwise.
 TOLERANCE = 1e-6
 _TOLERANCES = {"double": TOLERANCE, "float": 10 * TOLERANCE}
-#: Error of an entry of a rotation that arrives as an input.
-_ROTATION_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,7 +49,8 @@ class Target:
     tolerance: float | None = None
 
     def __post_init__(self) -> None:
-        station("Target.xi", self.xi)
+        own_fields(self)
+        object.__setattr__(self, "xi", station("Target.xi", self.xi))
         if self.position is None and self.rotation is None:
             raise ValueError("Target: expected a position, a rotation or both, found neither")
         if self.position is not None:
@@ -115,7 +116,7 @@ def residuals(beam: Beam, targets: Sequence[Target], q: ca.MX) -> Residuals:
             leverages += [arm**2] * 3
             parts["distances"].append(ca.norm_2(error))
         if target.rotation is not None:
-            error = so3.log_error(rotation[:, 3 * k : 3 * k + 3], next(frames))
+            error = so3.log_error(rotation[:, 3 * k : 3 * k + 3], so3.orthonormal(next(frames)))
             errors.append(error)
             leverages += [arm] * 3
             parts["angles"].append(ca.norm_2(error))
@@ -171,17 +172,10 @@ def target_residual_function(
     return function(name, inputs, outputs)
 
 
-def rotation_defect(rotations: ca.MX) -> ca.MX:
-    """By how much (3, 3 R) matrices are no rotations, over 1e-3: at most 1 where they are ones.
-
-    c_1 × c_2 = c_3, |c_1| = |c_2| = 1, c_1·c_2 = 0: zeros, as where one was forgotten, are none.
-    """
-    defects = [ca.MX(0)]
-    for k in range(0, rotations.shape[1], 3):
-        c1, c2, c3 = (rotations[:, k + i] for i in range(3))
-        lengths = ca.vertcat(ca.sumsqr(c1) - 1, ca.sumsqr(c2) - 1, ca.dot(c1, c2))
-        defects += [ca.fabs(ca.cross(c1, c2) - c3), ca.fabs(lengths)]
-    return ca.mmax(ca.vertcat(*defects)) / _ROTATION_TOLERANCE
+def rotations_defect(rotations: ca.MX) -> ca.MX:
+    """By how much (3, 3 R) matrices are no rotations, over 1e-2: at most 1 where all are ones."""
+    defects = [rotation_defect(ca.vec(matrix)) for matrix in ca.horzsplit(rotations, 3)]
+    return ca.mmax(ca.vertcat(ca.MX(0), *defects))
 
 
 def _stack(parts: list[AnyExpr]) -> ca.MX:

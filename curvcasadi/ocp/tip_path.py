@@ -8,7 +8,7 @@ import numpy as np
 from curvcasadi.control.model import ControlModel
 from curvcasadi.control.step import rk4_step
 from curvcasadi.lie import so3
-from curvcasadi.ocp.targets import rotation_defect
+from curvcasadi.ocp.targets import rotations_defect
 from curvcasadi.solvers.certificate import TOLERANCES, Bounds, larger
 from curvcasadi.solvers.sqp import SHOOTING, gauss_newton_sqp
 from curvcasadi.symbolic.expressions import (
@@ -67,10 +67,11 @@ def tip_path_step_function(
     casadi.Function
         Inputs: x (n, 1), p (m, 1), u_previous, positions (3, N), m, and rotations (3, 3 N), local
         to parent, at the ends of the stages, and guess (the last one's plan; zeros at first).
+        There is no input rotations where attitude_weight = 0.
         Outputs: u, the input to apply now; plan, the guess for the next step, shifted by a stage;
         states (n, N + 1); violation (1, 1): the excess over bounds and of the model, or of a
         squared element angle over what is allowed, relative, over 1e-6 (`ControlModel.real` float:
-        1e-5), or error of a rotation that is none over 1e-3; stationarity (1, 1): what is left of
+        1e-5), or error of a rotation that is none over 1e-2; stationarity (1, 1): what is left of
         the optimality conditions, of the last program for a number of iterations, over 1e-8 (float:
         1e-6). At most 1 both, where `u` may be applied. Element angles of the states are checked,
         not kept, and those of inputs are not: bound the weights so that they are. Where its steps
@@ -88,6 +89,7 @@ def tip_path_step_function(
         _refuse_frozen(model)
     nx, nu = model.x.size, model.u.size
     step = rk4_step(model, dt)
+    attitudes = float(weights[1]) > 0
     residual = _stage_residual(model, *np.sqrt(weights[:2]))
 
     x0, p, u_previous = (
@@ -96,12 +98,13 @@ def tip_path_step_function(
         ca.MX.sym("u_previous", nu),
     )
     positions = ca.MX.sym("positions", 3, stages)
-    rotations = ca.MX.sym("rotations", 3, 3 * stages)
+    rotations = ca.MX.sym("rotations", 3, 3 * stages if attitudes else 0)
     plan = ca.MX.sym("plan", (nu + nx) * stages)
     inputs, ends = _unpack(plan, nu, nx, stages)
     starts = [x0, *ends[:-1]]
 
-    goals = [*zip(ca.horzsplit(positions), ca.horzsplit(rotations, 3), strict=True)]
+    wanted = [ca.horzsplit(positions), *([ca.horzsplit(rotations, 3)] if attitudes else [])]
+    goals = [*zip(*wanted, strict=True)]
     errors = [residual(x, p, *goal) for x, goal in zip(ends, goals, strict=True)]
     moves = [u - last for u, last in zip(inputs, [u_previous, *inputs[:-1]], strict=True)]
     objective = ca.sumsqr(ca.vertcat(*errors)) / 2
@@ -129,7 +132,7 @@ def tip_path_step_function(
         hessian,
         constraints,
         Bounds(lbx, ubx, lbg, ubg),
-        nominal=(0, _at_rest(model, stages)),
+        nominal=(0, _at_rest(model, stages, attitudes)),
         real=model.real,
         iterations=None if iterations is None else count("iterations", iterations),
         max_iter=count("max_iter", max_iter),
@@ -143,12 +146,14 @@ def tip_path_step_function(
     shifted = ca.vertcat(best[nu + nx :], best[-(nu + nx) :])
     turned = [model.angles(state) - 1 for state in states] if model.angles else []
     violation = larger(violation, ca.mmax(ca.vertcat(0, *turned)))
-    violation = larger(violation / TOLERANCES[model.real].limit, rotation_defect(rotations))
+    violation = larger(violation / TOLERANCES[model.real].limit, rotations_defect(rotations))
+    arguments = {"x": x0, "p": p, "u_previous": u_previous, "positions": positions}
+    arguments |= ({"rotations": rotations} if attitudes else {}) | {"guess": guess}
     return ca.Function(
         name,
-        [x0, p, u_previous, positions, rotations, guess],
+        [*arguments.values()],
         [applied[0], shifted, ca.horzcat(x0, *states), violation, stationarity],
-        ["x", "p", "u_previous", "positions", "rotations", "guess"],
+        [*arguments],
         ["u", "plan", "states", "violation", "stationarity"],
     )
 
@@ -163,12 +168,12 @@ def _refuse_frozen(model: ControlModel) -> None:
         )
 
 
-def _at_rest(model: ControlModel, stages: int) -> ca.DM:
+def _at_rest(model: ControlModel, stages: int, attitudes: bool) -> ca.DM:
     """Parameters (x, p, u_previous, positions, rotations) of a path that stays where x = 0 is."""
     x, u, p = (ca.DM.zeros(part.size) for part in (model.x, model.u, model.p))
     y = model.y.split(model.output(x, u, p))
-    poses = ca.repmat(y["position"], stages), ca.repmat(y["rotation"], stages)
-    return ca.DM(ca.vertcat(x, p, u, *poses))
+    rotations = ca.repmat(y["rotation"], stages) if attitudes else ca.DM(0, 1)
+    return ca.DM(ca.vertcat(x, p, u, ca.repmat(y["position"], stages), rotations))
 
 
 def _unpack(plan: ca.MX, nu: int, nx: int, stages: int) -> tuple[list[ca.MX], list[ca.MX]]:
@@ -180,28 +185,32 @@ def _unpack(plan: ca.MX, nu: int, nx: int, stages: int) -> tuple[list[ca.MX], li
 def _stage_residual(
     model: ControlModel, position_scale: float, attitude_scale: float
 ) -> ca.Function:
-    """Weighted pose error (6, 1) at the end of a stage: (x, p, position, rotation)."""
+    """Weighted pose error (6, 1) at the end of a stage: (x, p, position, rotation).
+
+    Without a weight of attitudes it is that of the position, (3, 1): (x, p, position).
+    """
     x, p = ca.MX.sym("x", model.x.size), ca.MX.sym("p", model.p.size)
     position, rotation = ca.MX.sym("position", 3), ca.MX.sym("rotation", 3, 3)
     y = model.y.split(model.output(x, ca.MX.zeros(model.u.size), p))
-    error = ca.vertcat(
-        position_scale * (y["position"] - position),
-        attitude_scale * so3.log_error(ca.reshape(y["rotation"], 3, 3), rotation),
-    )
-    return ca.Function("tip_error", [x, p, position, rotation], [error])
+    distance = position_scale * (y["position"] - position)
+    if not attitude_scale:
+        return ca.Function("tip_error", [x, p, position], [distance])
+    desired = so3.orthonormal(rotation)
+    angle = attitude_scale * so3.log_error(ca.reshape(y["rotation"], 3, 3), desired)
+    return ca.Function("tip_error", [x, p, position, rotation], [ca.vertcat(distance, angle)])
 
 
 def _hessian(
     residual: ca.Function,
     ends: list[ca.MX],
     p: ca.MX,
-    goals: list[tuple[ca.MX, ca.MX]],
+    goals: list[tuple[ca.MX, ...]],
     move_weight: float,
     nu: int,
 ) -> ca.MX:
     """Gauss–Newton Hessian over u_0, x_1, u_1, x_2, …: poses stage by stage, moves between them."""
     x = ca.MX.sym("x", ends[0].shape[0])
-    symbols = [ca.MX.sym(f"s{i}", *residual.size_in(i)) for i in (1, 2, 3)]
+    symbols = [ca.MX.sym(f"s{i}", *residual.size_in(i)) for i in range(1, residual.n_in())]
     jacobian = ca.jacobian(residual(x, *symbols), x)
     gram = ca.Function("tip_gauss_newton", [x, *symbols], [jacobian.T @ jacobian])
     blocks: list[ca.MX] = []

@@ -15,15 +15,15 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam.pose import Pose
+from curvcasadi.beam.pose import Pose, checked_pose
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
     Number,
     expression,
     function_name,
-    instance,
     numbers,
+    own_fields,
     positive,
     rotation_matrix,
     station,
@@ -48,6 +48,7 @@ class Sensor:
     order: ClassVar[int] = 0  #: 0: reads the shape, 1: and its rate, 2: and its acceleration
 
     def __post_init__(self) -> None:
+        own_fields(self)
         size = len(self.residual_components)
         for entry in fields(self):
             where = f"{type(self).__name__}.{entry.name}"
@@ -66,8 +67,7 @@ class Sensor:
             case "mounting":
                 return rotation_matrix(where, value)
             case "pose":
-                rotation_matrix(f"{where}.rotation", instance(where, value, Pose).rotation)
-                return value
+                return checked_pose(where, value)
             case "bias":
                 return expression(where, np.zeros(size) if value is None else value, (size, 1))
             case "rate":

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+from dataclasses import fields
 from typing import Any, Literal, TypeAlias, TypeVar
 
 import casadi as ca
@@ -18,7 +20,16 @@ Array: TypeAlias = NDArray[np.float64]
 #: Arithmetic of generated code.
 Real = Literal["double", "float"]
 
+#: Stations closer than this are one station: s/L by cumulated sums misses 1 by some 1e-16.
+COINCIDENT = 1e-12
+#: Rotations and directions may miss their length or angles by this, rad: three digits suffice.
+FAR_FROM_ROTATION = 1e-2
+#: Two entries of a symmetric matrix may differ by this fraction of the largest entry.
+ASYMMETRY = 1e-8
+
 _SYMBOLIC = (ca.SX, ca.MX)
+#: Deviations from a rotation that are rounding; matrices so close to one stay as they are.
+_ROUNDING = 1e-14
 
 
 def is_numeric(value: Number) -> bool:
@@ -77,27 +88,141 @@ def positive(name: str, value: Number, *, zero: bool = False) -> Number:
 
 
 def rotation_matrix(name: str, value: Number) -> AnyExpr:
-    """`value`, a (3, 3) symbol or a numeric rotation matrix, orthonormal to 1e-6."""
+    """`value`, a (3, 3) symbol, or the rotation nearest to numbers with a few digits.
+
+    Numbers must be a rotation to 1e-2, by `is_rotation`; they are orthonormalized, so that no
+    rounding of theirs stretches what they turn.
+    """
     rotation = expression(name, value, (3, 3))
-    if is_numeric(rotation):
-        columns = rotation.full()
-        if not np.allclose(columns.T @ columns, np.eye(3), rtol=0, atol=1e-6):
-            raise ValueError(f"{name}: expected orthonormal columns, found {columns.tolist()}")
-        if np.linalg.det(columns) < 0:
+    if not is_numeric(rotation):
+        return rotation
+    columns = rotation.full()
+    if not float(is_rotation(ca.vec(rotation))):
+        if float(is_rotation(ca.vec(ca.horzcat(rotation[:, :2], -rotation[:, 2])))):
             raise ValueError(
                 f"{name}: expected a right-handed frame, found the reflection {columns.tolist()}"
             )
-    return rotation
+        raise ValueError(
+            f"{name}: expected orthonormal columns, to {FAR_FROM_ROTATION:g}; "
+            f"found {columns.tolist()}"
+        )
+    if np.max(np.abs(columns.T @ columns - np.eye(3))) <= _ROUNDING:
+        return rotation
+    left, _, right = np.linalg.svd(columns)
+    return ca.DM(left @ right)
+
+
+def is_rotation(values: AnyExpr) -> AnyExpr:
+    """1 if `values`, a matrix by columns (9, 1), are a rotation to 1e-2, else 0; 0 for NaN.
+
+    Python and generated C ask this wherever a rotation is given or measured.
+    """
+    return rotation_defect(values) <= 1
+
+
+def rotation_defect(values: AnyExpr) -> AnyExpr:
+    """By how much `values`, columns c1, c2, c3 of a matrix (9, 1), miss a rotation, over 1e-2.
+
+    |(c1·c1 − 1, c2·c2 − 1, c1·c2, c1 × c2 − c3)|: zeros, as where one was forgotten, are no
+    rotation, and neither is a reflection.
+    """
+    c1, c2, c3 = ca.vertsplit(values, 3)
+    lengths = (ca.sumsqr(c1) - 1, ca.sumsqr(c2) - 1, ca.dot(c1, c2))
+    return ca.norm_2(ca.vertcat(*lengths, ca.cross(c1, c2) - c3)) / FAR_FROM_ROTATION
+
+
+def unit_vector(name: str, value: Number) -> AnyExpr:
+    """`value`, a (3, 1) symbol, or numbers of the length 1 to 1e-2, divided by their length."""
+    direction = expression(name, value, (3, 1))
+    if not is_numeric(direction):
+        return direction
+    length = float(ca.norm_2(direction))
+    if abs(length - 1) > FAR_FROM_ROTATION:
+        raise ValueError(
+            f"{name}: expected a unit vector, found {numbers(name, value).ravel().tolist()} "
+            f"of length {length:g}"
+        )
+    return direction / length
+
+
+def symmetric(name: str, value: Number, *, size: int = 3, definite: bool = False) -> AnyExpr:
+    """`value`, a symmetric matrix, positive definite if `definite`; symbols as they are.
+
+    Numbers may differ from their mirror images by 1e-8 of the largest entry, as those of solvers
+    and files do; the mean of both is returned.
+    """
+    matrix = expression(name, value, (size, size))
+    if not is_numeric(matrix):
+        return matrix
+    entries = matrix.full()
+    difference = np.abs(entries - entries.T)
+    if np.max(difference) > ASYMMETRY * np.max(np.abs(entries)):
+        i, j = np.unravel_index(np.argmax(difference), difference.shape)
+        raise ValueError(
+            f"{name}: expected a symmetric matrix, to {ASYMMETRY:g} of its largest entry; found "
+            f"{entries[i, j]:g} and {entries[j, i]:g} in {entries.tolist()}"
+        )
+    mean = (entries + entries.T) / 2
+    if definite and np.linalg.eigvalsh(mean)[0] <= 0:
+        raise ValueError(f"{name}: expected a positive definite matrix, found {entries.tolist()}")
+    return ca.DM(mean)
 
 
 def station(name: str, xi: float) -> float:
-    """`xi`, a numeric normalized arc length in [0, 1]."""
+    """`xi`, a numeric normalized arc length in [0, 1]; within 1e-12 of an end, that end."""
     if not is_numeric(xi):
         raise ValueError(f"{name}: expected a number in [0, 1], found the symbol {xi}")
     value = float(expression(name, xi, (1, 1)))
-    if not 0.0 <= value <= 1.0:
+    if not -COINCIDENT <= value <= 1.0 + COINCIDENT:
         raise ValueError(f"{name}: expected a number in [0, 1], found {value}")
+    return 0.0 if value <= COINCIDENT else 1.0 if value >= 1.0 - COINCIDENT else value
+
+
+def increasing_stations(name: str, values: Number) -> Array:
+    """`values` that increase from 0 to 1, or stay: (m,), from exactly 0 to exactly 1.
+
+    Values within 1e-12 of an end are that end, and values within 1e-12 of the first of a group are
+    equal to it: what stands in a table twice.
+    """
+    xi = numbers(name, values)
+    at_ends = xi.size and abs(xi.flat[0]) <= COINCIDENT and abs(xi.flat[-1] - 1) <= COINCIDENT
+    if xi.ndim != 1 or np.any(np.diff(xi) < -COINCIDENT) or not at_ends or len(xi) < 2:
+        raise ValueError(
+            f"{name}: expected increasing stations that cover 0 to 1, found {xi.tolist()}"
+        )
+    xi[xi <= COINCIDENT], xi[xi >= 1 - COINCIDENT] = 0.0, 1.0
+    for k in range(1, len(xi)):
+        if xi[k] - xi[k - 1] <= COINCIDENT:
+            xi[k] = xi[k - 1]
+    return xi
+
+
+def copied(value: Any) -> Any:
+    """`value` with its arrays, expressions and lists copied, arrays read-only.
+
+    What is none of these, such as a function of xi, stays as it is.
+    """
+    if isinstance(value, np.ndarray):
+        array = value.copy()
+        array.setflags(write=False)
+        return array
+    if isinstance(value, (ca.SX, ca.MX, ca.DM)):
+        return copy(value)
+    if type(value) in (list, tuple):
+        return type(value)(map(copied, value))
+    if type(value) is dict:
+        return {key: copied(entry) for key, entry in value.items()}
     return value
+
+
+def own_fields(description: Any) -> None:
+    """Replace the fields of a frozen dataclass by copies of their own: to begin `__post_init__`.
+
+    An array that is changed after it was given then changes nothing of the description.
+    """
+    for entry in fields(description):
+        if hasattr(description, entry.name):
+            object.__setattr__(description, entry.name, copied(getattr(description, entry.name)))
 
 
 def count(name: str, value: int, least: int = 1) -> int:

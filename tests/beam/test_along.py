@@ -102,3 +102,15 @@ def test_linear_tables_serve_section_and_airfoil_data_with_panels_that_end_at_th
     )
     assert strips.breaks == (0.3,)
     assert_allclose(strips.at("chord", 0.65), 0.6, rtol=1e-15)
+
+
+def test_rounded_ends_and_stations_that_rounding_doubled_are_one():
+    xi = np.append(0, np.cumsum(np.full(10, 0.3)) / 3.0)
+    assert xi[-1] != 1  # but for rounding
+    assert cc.Steps(xi, range(10)).xi[-1] == 1
+    steps = cc.Steps([0, 0.3, 0.3 + 1e-13, 1 - 1e-14, 1], [1, 2, 3, 4])
+    assert [steps(x) for x in (0.1, 0.3, 0.9, 1)] == [1, 3, 3, 3]
+    linear = cc.Piecewise([1e-14, 0.5, 1 - 1e-14, 1], [0.0, 1.0, 2.0, 3.0])
+    assert_allclose([linear(x) for x in (0.25, 0.75)], [0.5, 2])
+    jump = cc.Piecewise([0, 0.5, 0.5 + 1e-15, 1], [0.0, 0.0, 2.0, 2.0])
+    assert [jump(x) for x in (0.4, 0.5, 0.6)] == [0, 2, 2]

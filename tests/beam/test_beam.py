@@ -48,7 +48,7 @@ def beam(**fields):
         ),
         (
             {"root": cc.Pose(rotation=2 * np.eye(3), position=[0, 0, 0])},
-            r"Beam\.root\.rotation: expected orthonormal columns, found",
+            r"Beam\.root\.rotation: expected orthonormal columns, to 0.01; found",
         ),
     ],
 )

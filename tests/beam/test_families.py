@@ -130,19 +130,35 @@ def test_tabulated_does_not_change_with_the_arrays_that_made_it():
     "arguments, message",
     [
         (([0, 0.5, 0.4, 1], np.ones((4, 1))), r"Tabulated\.xi: expected .*increasing.*found"),
-        (([0, 0.5, 0.9], np.ones((3, 1))), r"Tabulated\.xi: expected 0 to 1, found 0\.0 to 0\.9"),
-        (([0.1, 0.5, 1], np.ones((3, 1))), r"Tabulated\.xi: expected 0 to 1, found 0\.1 to 1"),
-        (([0], np.ones((1, 1))), r"Tabulated\.xi: expected more than 1"),
+        (
+            ([0, 0.5, 0.9], np.ones((3, 1))),
+            r"Tabulated\.xi: expected increasing .*found \[0\.0, 0\.5, 0\.9",
+        ),
+        (
+            ([0.1, 0.5, 1], np.ones((3, 1))),
+            r"Tabulated\.xi: expected increasing .*found \[0\.1",
+        ),
+        (([0], np.ones((1, 1))), r"Tabulated\.xi: expected increasing"),
         (([0, np.nan, 1], np.ones((3, 1))), r"Tabulated\.xi: expected"),
         ((["a", "b"], np.ones((2, 1))), r"Tabulated\.xi: expected"),
         (([0, 1], np.ones(2)), r"Tabulated\.values: expected shape \(2, n\), found \(2,\)"),
         (([0, 1], np.ones((3, 1))), r"Tabulated\.values: expected shape \(2, n\), found \(3, 1\)"),
         (([0, 1], np.ones((2, 0))), r"Tabulated\.values: expected shape \(2, n\), found \(2, 0\)"),
         (([0, 1], [[0.0], [np.nan]]), r"Tabulated\.values: expected finite"),
-        (([0, 1], np.ones((2, 1)), 2), r"Tabulated\.degree: expected 1 or 3, found 2"),
+        (([0, 1], np.ones((2, 1)), 2), r"Tabulated\.degree: expected one of 1, 3; found 2"),
         (([0, 0.5, 1], np.ones((3, 1)), 3), r"Tabulated\.xi: expected more than 3"),
     ],
 )
 def test_tabulated_refuses_bad_samples(arguments, message):
     with pytest.raises(ValueError, match=message):
         cc.Tabulated(*arguments)
+
+
+def test_a_table_takes_stations_that_miss_the_ends_by_rounding():
+    xi = np.append(0, np.cumsum(np.full(10, 0.3)) / 3.0)
+    assert xi[-1] != 1  # but for rounding
+    assert cc.Tabulated(xi, np.ones((11, 1))).xi[-1] == 1
+    doubled = cc.Tabulated([0, 0.5, 0.5 + 1e-14, 1], [[0], [1], [1], [0]])
+    assert doubled.breaks == (0.5,)
+    with pytest.raises(ValueError, match=r"Tabulated\.values: expected one sample at xi = 0\.5, "):
+        cc.Tabulated([0, 0.5, 0.5 + 1e-14, 1], [[0], [1], [2], [0]])

@@ -131,7 +131,7 @@ INDEFINITE = [[1, 2, 0], [2, 1, 0], [0, 0, 1]]
         ),
         (
             lambda: cc.Section.from_stiffness(UNSYMMETRIC),
-            r"stiffness: expected a symmetric matrix, found \[\[1\.0, 0\.5",
+            r"stiffness: expected a symmetric matrix, to 1e-08 of .*; found 0\.5 and 0\.4",
         ),
         (
             lambda: cc.Section.from_stiffness(INDEFINITE),
@@ -153,10 +153,13 @@ INDEFINITE = [[1, 2, 0], [2, 1, 0], [0, 0, 1]]
         (lambda: cc.condense_axial(-np.eye(4)), r"stiffness: expected a positive definite"),
         (
             lambda: cc.Steps([0, 0.5], [1.0]),
-            r"Steps\.xi: expected increasing stations that cover 0 to 1, found \[0\.0, 0\.5\]",
+            r"Steps\.xi: expected increasing .*found \[0\.0, 0\.5\]",
         ),
-        (lambda: cc.Steps([0.1, 1], [1.0]), r"Steps\.xi: .*cover 0 to 1, found \[0\.1, 1\.0\]"),
-        (lambda: cc.Steps([0, 0.6, 0.4, 1], [1, 2, 3]), r"Steps\.xi: expected increasing"),
+        (lambda: cc.Steps([0.1, 1], [1.0]), r"Steps\.xi: .*0 to 1, found \[0\.1, 1\.0\]"),
+        (
+            lambda: cc.Steps([0, 0.6, 0.4, 1], [1, 2, 3]),
+            r"Steps\.xi: expected increasing",
+        ),
         (lambda: cc.Steps([0, 0.5, 1], [1.0]), r"Steps\.values: expected 2 values, .*found 1"),
     ],
 )

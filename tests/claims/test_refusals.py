@@ -78,7 +78,7 @@ MISTAKES = {
     ),
     "break off the beam": (
         lambda: cc.VectorBasis(lambda xi: np.zeros((3, 1)), 1, breaks=(1.3,)),
-        r"VectorBasis.breaks: expected numbers in \(0, 1\), found \(1.3,\)",
+        r"VectorBasis.breaks: expected a number in \[0, 1\], found 1.3",
     ),
     "None for numbers": (lambda: cc.shape_map(WING, None), "q: expected numbers, found None"),
 }

@@ -11,11 +11,9 @@ from numpy.testing import assert_allclose
 
 import curvcasadi as cc
 from benchmarks import estimation
-from curvcasadi.cli.log_filter import ROTATION_TOLERANCE
 from curvcasadi.estimation import ud
 from curvcasadi.lie import so3
 from curvcasadi.sensors.readout import Readout
-from curvcasadi.sensors.station import is_rotation
 from tests.support import oracle
 
 RNG = np.random.default_rng(2)
@@ -343,18 +341,6 @@ def test_what_a_camera_does_not_see_changes_nothing(beam, position, bearing):
     assert found.dof == 3
 
 
-def test_the_filter_uses_every_attitude_that_the_command_lets_pass():
-    random = np.random.default_rng(7)
-    for error in random.normal(size=(2000, 3, 3)):
-        gram = error + error.T
-        gram *= ROTATION_TOLERANCE / np.abs(gram).max()
-        stretch = np.linalg.cholesky(np.eye(3) + gram).T  # RᵀR − I is at its limit
-        R = oracle.rotation(random.normal(size=3)) @ stretch
-        assert is_rotation(ca.DM(R.T.ravel()))
-        rounded = np.round(oracle.rotation(random.normal(size=3)), 3)
-        assert np.abs(rounded.T @ rounded - np.eye(3)).max() < ROTATION_TOLERANCE
-
-
 def test_wrong_samples_and_starts_are_named(beam):
     options = {"process": "random_walk", "density": 0.1}
     ekf = cc.shape_ekf(beam, [ATTITUDE], root_inputs=["attitude"], **options)
@@ -435,7 +421,7 @@ def test_symbols_where_a_run_needs_numbers_are_named(beam, symbolic):
 def test_a_covariance_that_is_not_symmetric_is_refused_however_small(beam):
     ekf = cc.shape_ekf(beam, [GYRO], process="white_acceleration", density=0.1)
     covariance = 1e-10 * np.array([[1.0, 0.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    with pytest.raises(ValueError, match=r"deviation\['q'\]: expected a symmetric, positive"):
+    with pytest.raises(ValueError, match=r"deviation\['q'\]: expected a symmetric matrix"):
         ekf.initial({"q": covariance, "q_dot": 0.1})
 
 
@@ -589,7 +575,7 @@ def test_a_start_names_what_is_missing(beam):
         ekf.part(ekf.initial({"q": 0.1, "q_dot": 0.1}), "x")
     with pytest.raises(ValueError, match="deviation: expected 'q_dot'"):
         ekf.initial({"q": 0.1})
-    with pytest.raises(ValueError, match=r"deviation\['q'\]: expected a symmetric, positive"):
+    with pytest.raises(ValueError, match=r"deviation\['q'\]: expected a positive definite"):
         ekf.initial({"q": np.zeros((3, 3)), "q_dot": 1.0})
 
 

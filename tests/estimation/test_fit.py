@@ -516,7 +516,7 @@ MISTAKES = {
     ),
     "indefinite prior": (
         lambda: cc.fit_shape(WING, ATTITUDES, EXACT, prior=(np.zeros(6), -np.eye(6))),
-        "prior covariance: expected a symmetric, positive definite covariance",
+        "prior covariance: expected a positive definite matrix",
     ),
     "no rates": (
         lambda: cc.fit_shape(WING, SETS["accelerometers"], np.zeros(15), root=GRAVITY),

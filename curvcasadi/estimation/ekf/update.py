@@ -7,7 +7,7 @@ import numpy as np
 
 from curvcasadi.estimation import ud
 from curvcasadi.estimation.ekf.readings import Observation, Readings
-from curvcasadi.estimation.process import DEGREE, Process, orthonormal
+from curvcasadi.estimation.process import DEGREE, Process
 from curvcasadi.estimation.samples import attitudes_function
 from curvcasadi.kinematics.root_motion import ROOT_INPUTS
 from curvcasadi.lie import so3
@@ -117,7 +117,7 @@ def _retraction(process: Process) -> ca.Function:
     moved: dict[str, AnyExpr] = {key: parts[key] + steps[key] for key in parts if key != "attitude"}
     if process.attitude:
         attitude = ca.reshape(parts["attitude"], 3, 3) @ so3.exp(steps["attitude"], DEGREE)
-        moved["attitude"] = ca.vec(orthonormal(attitude))
+        moved["attitude"] = ca.vec(so3.orthonormal(attitude))
     return ca.Function("retract", [state, error], [process.state.join(moved)], {"cse": True})
 
 

@@ -24,6 +24,7 @@ from curvcasadi.symbolic.expressions import (
     symmetric,
     unit_vector,
 )
+from curvcasadi.symbolic.text import described, shown
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -136,6 +137,22 @@ class Aircraft:
                 raise ValueError(
                     f"Aircraft.thrusts: {thrust.name!r} is the name of a control surface, too"
                 )
+
+    def __repr__(self) -> str:
+        wings, surfaces = ([part.name for part in parts] for parts in (self.beams, self.surfaces))
+        return f"<Aircraft: wings {wings}, surfaces {surfaces}>"
+
+    def __str__(self) -> str:
+        body = self.body
+        rows = {"body": f"{shown(body.mass, 'kg')} at {shown(body.center_of_mass, 'm')}, body axes"}
+        rows |= {f"wing {wing.name}": f"{wing.beam!r}"[1:-1] for wing in self.beams}
+        for surface in self.surfaces:
+            at = shown(surface.pose.position, "m")
+            rows[f"surface {surface.name}"] = f"{shown(surface.area, 'm²')} at {at}"
+        rows["inputs"] = (
+            ", ".join(f"{name}, {unit}" for name, unit in self.inputs.items()) or "none"
+        )
+        return described("Aircraft", rows)
 
     @property
     def inputs(self) -> dict[str, str]:

@@ -14,7 +14,7 @@ from curvcasadi.beam.beam import Beam
 from curvcasadi.kinematics.shape import Shape, shape_map, unchecked_shape
 from curvcasadi.solvers.active import active_bounds
 from curvcasadi.symbolic.expressions import Array
-from curvcasadi.symbolic.text import table
+from curvcasadi.symbolic.text import described, table
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,6 +44,41 @@ class TrimResult:
     message: str
     unknowns: Array  #: all unknowns, scaled: where a warm start begins
 
+    @property
+    def success(self) -> bool:
+        """Whether everything balances, and nothing better balances, too."""
+        return self.trimmed and self.converged
+
+    def __repr__(self) -> str:
+        return f"<TrimResult at {self.speed:g} m/s: {self.message}>"
+
+    def __str__(self) -> str:
+        angles = ("angle_of_attack", "pitch", "sideslip", "roll", "flight_path")
+        values = {name: getattr(self, name) for name in angles}
+        rows = {
+            name.replace("_", " "): f"{value:.5g} rad ({np.degrees(value):.3f}°)"
+            for name, value in values.items()
+            if value or name in angles[:2]
+        }
+        rows |= {
+            name: f"{value:.5g} {self.input_units[name]}" for name, value in self.inputs.items()
+        }
+        rows |= {"drag": f"{self.drag:.5g} N", "strain energy": f"{self.strain_energy:.5g} J"}
+        for wing in self.shapes:
+            moment = self.root_loads[wing][1]
+            rows[wing] = (
+                f"tip {self.tip_height(wing):.4g} m above the root, root M_y {moment:.5g} N m"
+            )
+        left = np.abs([*self.balances.values()])
+        rows["unbalanced"] = f"{left[:3].max():.1e} N, {left[3:].max():.1e} N m"
+        rows["held by"] = "; ".join(self.active_bounds) or "no bound"
+        return described(f"TrimResult at {self.speed:g} m/s: {self.message}", rows)
+
+    def tip_height(self, wing: str) -> float:
+        """Height of the tip of a wing above its root, m, along −z of the body."""
+        shape = self.shapes[wing]
+        return float(shape.poses[0].position[2] - shape.tip.position[2])
+
 
 def trim_table(results: Sequence[TrimResult]) -> str:
     """Results as a table: speed, angles, inputs, tips above the roots, root bending, drag."""
@@ -55,9 +90,8 @@ def trim_table(results: Sequence[TrimResult]) -> str:
             unit = "N" if result.input_units[name] == "N" else "deg"
             shown = value if unit == "N" else np.degrees(value)
             row[f"{name} [{unit}]"] = f"{shown:.3f}"
-        for name, shape in result.shapes.items():
-            height = float(shape.poses[0].position[2] - shape.tip.position[2])
-            row[f"{name} tip [m]"] = f"{height:.3f}"
+        for name in result.shapes:
+            row[f"{name} tip [m]"] = f"{result.tip_height(name):.3f}"
             row[f"{name} root M_y [N m]"] = f"{result.root_loads[name][1]:.1f}"
         row["drag [N]"] = f"{result.drag:.3f}"
         row["trimmed"] = "yes" if result.trimmed else "no"

@@ -14,6 +14,7 @@ import numpy as np
 
 from curvcasadi.beam.families import Family
 from curvcasadi.symbolic.expressions import Array, count, numbers, station
+from curvcasadi.symbolic.text import grouped
 
 CHANNELS = ("torsion", "out_of_plane", "in_plane")
 
@@ -56,6 +57,9 @@ class ChannelBasis:
                 raise ValueError(
                     f"ChannelBasis.{name}: expected a family such as Legendre(4), found {family!r}"
                 )
+
+    def __str__(self) -> str:
+        return _told(self)
 
     def _channels(self) -> list[tuple[str, int, Family]]:
         families = (self.torsion, self.out_of_plane, self.in_plane)
@@ -118,6 +122,12 @@ class VectorBasis:
         for xi in (0.0, 0.5, 1.0):
             self(xi)
 
+    def __repr__(self) -> str:
+        return f"<{_told(self)}>"
+
+    def __str__(self) -> str:
+        return _told(self)
+
     def __call__(self, xi: float) -> Array:
         phi = numbers(f"VectorBasis.function at xi = {xi}", self.function(xi))
         if phi.shape != (3, self.n):
@@ -134,6 +144,9 @@ class MirroredBasis:
 
     original: Basis
 
+    def __str__(self) -> str:
+        return f"mirror image of {self.original}"
+
     @property
     def n(self) -> int:
         return self.original.n
@@ -148,3 +161,8 @@ class MirroredBasis:
 
     def __call__(self, xi: float) -> Array:
         return np.diag([-1.0, -1.0, 1.0]) @ self.original(xi)
+
+
+def _told(basis: Basis) -> str:
+    """A basis in a line."""
+    return f"{type(basis).__name__} of {basis.n} functions: {grouped(basis.labels)}"

@@ -24,6 +24,7 @@ from curvcasadi.symbolic.expressions import (
     positive,
     station,
 )
+from curvcasadi.symbolic.text import described, grouped, shown
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -84,6 +85,32 @@ class Beam:
                 f"found {lower.tolist()} and {upper.tolist()}"
             )
         return lower, upper
+
+    def __repr__(self) -> str:
+        elements = len(self.stations) - 1
+        return f"<Beam: {shown(self.length, 'm')}, {self.basis.n} weights, {elements} elements>"
+
+    def __str__(self) -> str:
+        lower, upper = self.bounds
+        low, high = (side[:1] if np.all(side == side[0]) else side for side in (lower, upper))
+        bounds = f"from {shown(low)} to {shown(high, 'rad/m')}"
+        if self.weight_bounds is None:
+            bounds = "none"
+        rows = {
+            "length": shown(self.length, "m"),
+            "root": f"at {self.root}",
+            "basis": f"{self.basis.n} weights, rad/m: {grouped(self.basis.labels)}",
+            "weight bounds": bounds,
+            "initial curvature": shown(self.initial_curvature, "rad/m"),
+            "grid": str(self.grid),
+            "elements": str(len(self.stations) - 1),
+            "section": "none" if self.section is None else self.section.summary,
+        }
+        if self.bodies:
+            rows["bodies"] = ", ".join(
+                f"{shown(body.mass, 'kg')} at xi = {body.xi:g}" for body in self.bodies
+            )
+        return described("Beam", rows)
 
     @property
     def bounds(self) -> tuple[Array, Array]:

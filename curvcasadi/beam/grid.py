@@ -19,6 +19,7 @@ from curvcasadi.symbolic.expressions import (
     increasing_stations,
     numbers,
 )
+from curvcasadi.symbolic.text import shown
 
 RuleName = Literal["trapezoid", "midpoint", "magnus4", "magnus6"]
 ExponentialName = Literal["series", "rodrigues", "small_angle_sine", "small_angle"]
@@ -146,6 +147,14 @@ class Grid:
             cls.uniform(n, rule=rule, exponential=exponential, max_angle=max_angle, real=real),
             kind="lobatto",
         )
+
+    def __str__(self) -> str:
+        elements = f"{self.elements} {self.kind} elements"
+        if self.kind == "custom":
+            elements = f"custom boundaries {shown(self.boundaries)}"
+        rule = self.rule if isinstance(self.rule, str) else repr(self.rule)
+        turn = f"to {self.max_angle:.4g} rad an element"
+        return f"{elements}, {rule} rule, {self.exponential} exponential {turn}, {self.real}"
 
     @property
     def degree(self) -> int:

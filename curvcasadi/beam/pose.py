@@ -16,6 +16,7 @@ from curvcasadi.symbolic.expressions import (
     is_numeric,
     rotation_matrix,
 )
+from curvcasadi.symbolic.text import shown
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -29,6 +30,14 @@ class Pose:
         for name, shape in (("rotation", (3, 3)), ("position", (3, 1))):
             value = copied(expression(f"Pose.{name}", getattr(self, name), shape))
             object.__setattr__(self, name, value)
+
+    def __str__(self) -> str:
+        if not is_numeric(self.rotation):
+            return f"{shown(self.position, 'm')}, symbolic rotation, parent axes"
+        axes = "x axis along {}, z axis along {}".format(
+            *(shown(self.rotation[:, k]) for k in (0, 2))
+        )
+        return f"{shown(self.position, 'm')}, {axes}, parent axes"
 
     @property
     def packed(self) -> AnyExpr:

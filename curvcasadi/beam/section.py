@@ -20,6 +20,7 @@ from curvcasadi.symbolic.expressions import (
     station,
     symmetric,
 )
+from curvcasadi.symbolic.text import described, shown
 
 #: Rigidities in the order of K_x, K_y, K_z, and the couplings of two of them.
 RIGIDITIES = ("GJ", "EI_y", "EI_z")
@@ -86,6 +87,25 @@ class Section:
         couplings = {name: entry(*place) for name, place in COUPLINGS.items()}
         rigidities = {name: entry(i, i) for i, name in enumerate(RIGIDITIES)}
         return cls(**rigidities, **couplings, **mass)
+
+    def __str__(self) -> str:
+        return described("Section", {name: shown(*of) for name, of in self._entries.items()})
+
+    @property
+    def summary(self) -> str:
+        """The fields that are set, in a line."""
+        return "; ".join(f"{name} {shown(*of)}" for name, of in self._entries.items())
+
+    @property
+    def _entries(self) -> dict[str, tuple[Number, str]]:
+        """Value and unit of the fields that say something."""
+        set_fields = {name: along.value for name, along in self._quantities.items()}
+        zeros = [*COUPLINGS, "center_of_mass"]
+        return {
+            name: (value, _UNITS[name])
+            for name, value in set_fields.items()
+            if not (name in zeros and _is_zero(value))
+        }
 
     def stiffness(self, xi: float) -> AnyExpr:
         """Stiffness (3, 3), N m², local axes: moment = stiffness (K − K_0)."""
@@ -155,6 +175,16 @@ def semidefinite(name: str, value: Number) -> AnyExpr:
     return matrix
 
 
+def _is_zero(value: Number) -> bool:
+    return is_numeric(value) and not callable(value) and not np.any(np.asarray(value, dtype=float))
+
+
+_UNITS = {
+    **dict.fromkeys((*RIGIDITIES, *COUPLINGS), "N m²"),
+    "mass_per_length": "kg/m",
+    "inertia": "kg m",
+    "center_of_mass": "m",
+}
 #: What the fields of a section that may vary along the span must fulfil.
 _CHECKS: dict[str, Check] = {
     **dict.fromkeys(RIGIDITIES, positive),

@@ -177,7 +177,7 @@ def _wing_table(results: Sequence[TrimResult]) -> str:
     for result in results:
         for name in result.shapes:
             row = {"V [m/s]": f"{result.speed:.5g}", "wing": name}
-            row["tip height [m]"] = f"{_tip_height(result, name):.4f}"
+            row["tip height [m]"] = f"{result.tip_height(name):.4f}"
             moments = result.root_loads[name][:3]
             row |= {
                 f"M_{axis} [N m]": f"{moment + 0.0:.2f}"
@@ -190,11 +190,6 @@ def _wing_table(results: Sequence[TrimResult]) -> str:
         "torsion, out-of-plane and in-plane bending\n"
         f"{table(rows)}"
     )
-
-
-def _tip_height(result: TrimResult, wing: str) -> float:
-    shape = result.shapes[wing]
-    return float(shape.poses[0].position[2] - shape.tip.position[2])
 
 
 def _write(
@@ -227,7 +222,7 @@ def _record(result: TrimResult) -> dict[str, Any]:
     record |= dict(zip(names, result.balances.values(), strict=True))
     for wing, q in result.q.items():
         moments = zip("xyz", result.root_loads[wing][:3], strict=True)
-        record[f"{wing}_tip_height"] = _tip_height(result, wing)
+        record[f"{wing}_tip_height"] = result.tip_height(wing)
         record |= {f"{wing}_root_moment_{axis}": float(moment) for axis, moment in moments}
         record[f"{wing}_residual"] = result.equilibrium_residuals[wing]
         record |= {f"{wing}_q{k}": float(weight) for k, weight in enumerate(q.full().ravel())}

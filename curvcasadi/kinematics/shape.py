@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.pose import Pose, unpack_pose
 from curvcasadi.kinematics import chain
 from curvcasadi.kinematics.weights import checked_weights, element_angles
 from curvcasadi.symbolic.expressions import AnyExpr, Array, expression, station
+from curvcasadi.symbolic.text import described, shown
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -21,6 +23,24 @@ class Shape:
     stations: Array  #: xi (N + 1,)
     poses: tuple[Pose, ...]  #: N + 1 poses, local to parent
     curvatures: AnyExpr  #: K (3, N + 1), rad/m, local axes
+
+    def __repr__(self) -> str:
+        return f"<Shape at {len(self.stations)} stations, tip at {shown(self.tip.position, 'm')}>"
+
+    def __str__(self) -> str:
+        magnitudes = np.sqrt(np.sum(self.curvatures.full() ** 2, axis=0)) if self._known else None
+        rows = {
+            "stations": f"{len(self.stations)} from xi = 0 to 1",
+            "tip": str(self.tip),
+        }
+        if magnitudes is not None:
+            k = int(magnitudes.argmax())
+            rows["largest curvature"] = f"{magnitudes[k]:.5g} rad/m at xi = {self.stations[k]:.4g}"
+        return described("Shape", rows)
+
+    @property
+    def _known(self) -> bool:
+        return isinstance(self.curvatures, ca.DM)
 
     @property
     def positions(self) -> AnyExpr:

@@ -25,6 +25,7 @@ from curvcasadi.symbolic.expressions import (
     numeric,
     positive,
 )
+from curvcasadi.symbolic.text import described, shown
 
 #: Starts that are tried, beyond the guess, before unweighted targets count as unreachable.
 _FURTHER_STARTS = 8
@@ -43,6 +44,24 @@ class ShapeResult:
     iterations: int  #: of all solves
     active_bounds: tuple[str, ...]  #: bounds that hold the weights or the shape
     message: str
+
+    @property
+    def success(self) -> bool:
+        """Whether the targets are met, by the best of the shapes that meet them."""
+        return self.reached and self.converged
+
+    def __repr__(self) -> str:
+        return f"<ShapeResult: {self.message}>"
+
+    def __str__(self) -> str:
+        rows = {"q": shown(self.q, "rad/m"), "tip": str(self.shape.tip)}
+        if self.distances.size:
+            rows["distances"] = f"{shown(self.distances, 'm')} to the positions"
+        if self.angles.size:
+            rows["angles"] = f"{shown(self.angles, 'rad')} to the attitudes"
+        rows["held by"] = "; ".join(self.active_bounds) or "no bound"
+        rows["solved"] = f"{self.iterations} iterations"
+        return described(f"ShapeResult: {self.message}", rows)
 
 
 def reach_shape(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -16,6 +16,7 @@ from curvcasadi.kinematics.weights import exceeded_limit
 from curvcasadi.statics.balance import balance
 from curvcasadi.symbolic.expressions import AnyExpr, Array, expression
 from curvcasadi.symbolic.functions import free_symbols
+from curvcasadi.symbolic.text import described, shown
 
 #: Residual that counts as zero, over the largest of the elastic and the applied forces.
 TOLERANCE = 1e-11
@@ -39,6 +40,24 @@ class Equilibrium:
     iterations: int  #: Newton iterations, of all load steps
     load_steps: int  #: 1 where the full load was solved at once
     load_factor: float = 1.0  #: part of the loads that is balanced
+    message: str = "the loads are balanced"
+
+    @property
+    def success(self) -> bool:
+        """Whether all of the loads are balanced."""
+        return self.load_factor == 1
+
+    def __repr__(self) -> str:
+        return f"<Equilibrium: {self.message}>"
+
+    def __str__(self) -> str:
+        rows = {
+            "q": shown(self.q, "rad/m"),
+            "tip": str(self.shape.tip),
+            "residual": f"{self.residual_norm:.2g} N m², the largest of S q − Q",
+            "solved": f"{self.iterations} Newton iterations in {self.load_steps} load steps",
+        }
+        return described(f"Equilibrium: {self.message}", rows)
 
 
 def solve_equilibrium(
@@ -173,12 +192,12 @@ def _continue(beam: Beam, newton: _Newton, q: Array) -> Equilibrium:
             continue
         step /= 2
         if step < _LEAST_LOAD_STEP:
-            result = _equilibrium(beam, newton, q, factor, steps)
-            raise ConvergenceError(
+            message = (
                 f"loads: equilibrium is lost beyond {factor:.4g} of the loads, with the largest "
-                f"weight {np.max(np.abs(q)):.3g} rad/m; {reason}",
-                result,
+                f"weight {np.max(np.abs(q)):.3g} rad/m; {reason}"
             )
+            last = _equilibrium(beam, newton, q, factor, steps)
+            raise ConvergenceError(message, replace(last, message=message))
     return _equilibrium(beam, newton, q, 1.0, steps)
 
 

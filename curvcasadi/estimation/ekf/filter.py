@@ -39,6 +39,7 @@ from curvcasadi.symbolic.expressions import (
     positive,
 )
 from curvcasadi.symbolic.layout import Layout
+from curvcasadi.symbolic.text import described, shown
 
 
 class Estimate(NamedTuple):
@@ -52,6 +53,18 @@ class Estimate(NamedTuple):
     used: Array = np.zeros(0)  #: (r,), 1 for samples that were used, 0 for missing and gated ones
     nis: float = 0.0  #: normalized innovation squared of the used samples
     dof: int = 0  #: number of used samples, its expectation
+
+    def __repr__(self) -> str:
+        return f"<Estimate at {self.time:g} s: {int(np.sum(self.used))} readings used>"
+
+    def __str__(self) -> str:
+        rows = {
+            "state": shown(self.state),
+            "deviations": f"{shown(np.sqrt(np.diag(self.covariance)))}, of the error state",
+            "used": f"{int(np.sum(self.used))} of {self.used.size} readings",
+            "NIS": f"{self.nis:.4g}, expected {self.dof}",
+        }
+        return described(f"Estimate at {self.time:g} s", rows)
 
     @property
     def covariance(self) -> Array:

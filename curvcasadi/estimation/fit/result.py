@@ -47,6 +47,11 @@ class ShapeFit:
     message: str  #: in words: whether the readings fit, and what is not seen
 
     @property
+    def success(self) -> bool:
+        """Whether the descent ended at a minimum that the beam can take."""
+        return self.converged
+
+    @property
     def labels(self) -> tuple[str, ...]:
         """Of the weights."""
         return self.beam.basis.labels
@@ -83,6 +88,9 @@ class ShapeFit:
             told = f"{value:+.3e} {unit}, {normalized:+.2f} σ" if np.isfinite(value) else "missing"
             lines.append(f"  {label:<{width}}  {told}")
         return "\n".join([*lines, self.message])
+
+    def __repr__(self) -> str:
+        return f"<ShapeFit: {self.message.partition(chr(10))[0]}>"
 
     def __str__(self) -> str:
         return self.summary()

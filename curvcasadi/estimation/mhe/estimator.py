@@ -32,6 +32,7 @@ from curvcasadi.symbolic.expressions import (
     positive,
 )
 from curvcasadi.symbolic.layout import Layout, Part
+from curvcasadi.symbolic.text import described, shown
 
 #: Units of what a sample depends on and the state does not hold, by name.
 _UNITS = {"q_dot": "rad/(m s)", "q_ddot": "rad/(m s²)"}
@@ -62,6 +63,34 @@ class WindowEstimate(NamedTuple):
     def solved(self) -> bool:
         """Whether bounds and optimality conditions hold to their tolerances."""
         return self.violation <= 1 and self.stationarity <= 1
+
+    @property
+    def success(self) -> bool:
+        """`solved`."""
+        return self.solved
+
+    @property
+    def message(self) -> str:
+        """Whether the window was solved, and by how much it was not."""
+        if self.solved:
+            return "solved"
+        misses = {"bounds are exceeded": self.violation, "the optimum is missed": self.stationarity}
+        return "not solved: " + " and ".join(
+            f"{what} by {miss:.3g} times the tolerance" for what, miss in misses.items() if miss > 1
+        )
+
+    def __repr__(self) -> str:
+        return f"<WindowEstimate at {self.time:g} s: {self.message}>"
+
+    def __str__(self) -> str:
+        rows = {
+            "state": shown(self.state),
+            "window": f"{self.states.shape[1]} samples",
+            "used": f"{int(np.sum(self.used))} of {self.used.size} readings of the newest sample",
+            "violation": f"{self.violation:.3g} of its tolerance",
+            "stationarity": f"{self.stationarity:.3g} of its tolerance",
+        }
+        return described(f"WindowEstimate at {self.time:g} s: {self.message}", rows)
 
     @property
     def arrival_covariance(self) -> Array:

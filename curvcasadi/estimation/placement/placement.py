@@ -56,6 +56,20 @@ class Placement:
         """At least this part of the best gain is reached: gain over bound."""
         return self.gain / self.bound if self.bound else 1.0
 
+    @property
+    def success(self) -> bool:
+        """Always true: without a choice within the limits `place_sensors` raises."""
+        return True
+
+    @property
+    def message(self) -> str:
+        """How good the choice is, in words."""
+        quality = "the optimum"
+        if self.method == "greedy":
+            quality = f"at least {100 * self.guarantee:.0f} % of the optimum"
+        offered = len(self.candidate_stations)
+        return f"gain {self.gain:.4g} nats over the prior, {quality} of {offered} candidates"
+
     def summary(self) -> str:
         """What was chosen, and what it is expected to know."""
         width = max(len(label) for label in self.labels)
@@ -63,14 +77,10 @@ class Placement:
         groups = {i: islice(rest, len(self.candidate_stations[i])) for i in self.indices}
         where = ", ".join(f"{i} ({_words(group)})" for i, group in groups.items())
         spent = "" if self.cost is None else f" at a cost of {self.cost:g}"
-        quality = "the optimum"
-        if self.method == "greedy":
-            quality = f"at least {100 * self.guarantee:.0f} % of the optimum"
-        offered = len(self.candidate_stations)
         tip, before = self.deviations.distance[-1], self.prior_deviations.distance[-1]
         lines = [
             f"candidates {where}{spent}",
-            f"gain {self.gain:.4g} nats over the prior, {quality} of {offered} candidates",
+            self.message,
             f"expected standard deviation of the tip {tip:.3g} m, {before:.3g} m without sensors",
             "of the weights, rad/m",
         ]
@@ -83,6 +93,9 @@ class Placement:
                 "not seen by these sensors, the prior holds them: " + "; ".join(self.unseen)
             )
         return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return f"<Placement of candidates {[*self.indices]}: {self.message}>"
 
     def __str__(self) -> str:
         return self.summary()

@@ -8,10 +8,14 @@ from curvcasadi.beam.basis import (
 from curvcasadi.beam.beam import (
     Beam,
 )
+from curvcasadi.beam.compliance import (
+    ComplianceBasis,
+)
 from curvcasadi.beam.families import (
     BSpline,
     CantileverModes,
     Chebyshev,
+    FreeTip,
     Legendre,
     Monomial,
     PiecewiseConstant,
@@ -43,6 +47,8 @@ __all__ = [
     "CantileverModes",
     "ChannelBasis",
     "Chebyshev",
+    "ComplianceBasis",
+    "FreeTip",
     "Grid",
     "Legendre",
     "ModalBasis",

@@ -13,7 +13,15 @@ from typing import Protocol
 import numpy as np
 
 from curvcasadi.beam.families import Family
-from curvcasadi.symbolic.expressions import Array, count, numbers, station
+from curvcasadi.symbolic.expressions import (
+    COINCIDENT,
+    Array,
+    Number,
+    count,
+    is_numeric,
+    numbers,
+    station,
+)
 from curvcasadi.symbolic.text import grouped
 
 CHANNELS = ("torsion", "out_of_plane", "in_plane")
@@ -78,6 +86,13 @@ class ChannelBasis:
         return tuple(
             f"{name}: {label}" for name, _, family in self._channels() for label in family.labels
         )
+
+    @property
+    def tip_orders(self) -> dict[str, int]:
+        """Order of the zero at the tip of each channel whose functions vanish there, as `FreeTip`'s
+        do."""
+        orders = {name: getattr(family, "tip_order", 0) for name, _, family in self._channels()}
+        return {name: order for name, order in orders.items() if order}
 
     @property
     def breaks(self) -> tuple[float, ...]:
@@ -159,6 +174,11 @@ class MirroredBasis:
     def breaks(self) -> tuple[float, ...]:
         return self.original.breaks
 
+    @property
+    def tip_orders(self) -> dict[str, int]:
+        """As of `ChannelBasis`."""
+        return dict(getattr(self.original, "tip_orders", {}))
+
     def __call__(self, xi: float) -> Array:
         return np.diag([-1.0, -1.0, 1.0]) @ self.original(xi)
 
@@ -166,3 +186,40 @@ class MirroredBasis:
 def _told(basis: Basis) -> str:
     """A basis in a line."""
     return f"{type(basis).__name__} of {basis.n} functions: {grouped(basis.labels)}"
+
+
+def refuse_at_tip(
+    basis: Basis,
+    load: str,
+    xi: float,
+    *,
+    force: Number = 0.0,
+    offset: Number = 0.0,
+    moment: Number = 0.0,
+) -> None:
+    """Refuse what acts at the tip of a beam whose functions vanish there, as `FreeTip`'s do.
+
+    Parameters
+    ----------
+    basis : Basis
+        Basis of the beam.
+    load : str
+        What acts, as the message names it.
+    xi : float
+        Station s/L at which it acts; inboard of the tip everything is held.
+    force, offset, moment : number, array or symbol
+        A force or mass, where it acts from the reference curve, and a moment or inertia. Zeros are
+        none.
+    """
+    sheared = not _is_zero(force)
+    bent = not _is_zero(moment) or (sheared and not _is_zero(offset))
+    for channel, order in getattr(basis, "tip_orders", {}).items() if xi >= 1 - COINCIDENT else ():
+        if bent or (sheared and order >= 2 and channel != "torsion"):
+            raise ValueError(
+                f"{load}: expected none at the tip, where the functions of basis.{channel} vanish "
+                f"(FreeTip, order {order}) and a load cannot deform the beam; use Legendre there"
+            )
+
+
+def _is_zero(value: Number) -> bool:
+    return is_numeric(value) and not np.any(numbers("value", value))

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.along import Along, breaks_of, vector
-from curvcasadi.beam.basis import Basis
+from curvcasadi.beam.basis import Basis, refuse_at_tip
 from curvcasadi.beam.grid import Grid
 from curvcasadi.beam.pose import Pose, checked_pose
 from curvcasadi.beam.section import Body, Section
@@ -61,6 +61,9 @@ class Beam:
                 "Beam.basis: expected a basis such as ChannelBasis(out_of_plane=Legendre(4)), "
                 f"found {self.basis!r}"
             )
+        for body in self.bodies:
+            at_tip = {"force": body.mass, "offset": body.offset, "moment": body.inertia}
+            refuse_at_tip(self.basis, "Beam.bodies", body.xi, **at_tip)
         initial = np.zeros(3) if self.initial_curvature is None else self.initial_curvature
         object.__setattr__(self, "_initial", Along("Beam.initial_curvature", initial, vector))
         object.__setattr__(self, "_bounds", self._validated_bounds())

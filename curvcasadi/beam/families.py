@@ -77,6 +77,38 @@ class Monomial(_Counted):
 
 
 @dataclass(frozen=True)
+class FreeTip(_Counted):
+    """Functions (1 − xi)^order P_k(2 xi − 1), k = 0 … n − 1, for a wing whose tip carries nothing.
+
+    At a free end bending moment and shear force vanish, hence the bending curvature and its slope:
+    order 2, for the bending channels. The torsional moment alone vanishes there: order 1, for
+    torsion. A beam with these functions cannot hold a body, a force or a moment at its tip, and
+    refuses them.
+
+    Attributes
+    ----------
+    n : int
+        Number of functions.
+    order : {1, 2}
+        Order of their common zero at the tip: 2 for bending, 1 for torsion.
+    """
+
+    order: int = 2
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        choice("FreeTip.order", self.order, (1, 2))
+
+    @property
+    def tip_order(self) -> int:
+        """Order of the common zero at the tip."""
+        return self.order
+
+    def __call__(self, xi: float) -> Array:
+        return np.asarray((1 - xi) ** self.order * legendre.legval(2 * xi - 1, np.eye(self.n)))
+
+
+@dataclass(frozen=True)
 class PiecewiseConstant(_Counted):
     """One on the k-th of n equal segments, zero elsewhere; right-continuous, the tip included."""
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
+from functools import lru_cache, partial
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -25,6 +27,7 @@ from curvcasadi.symbolic.text import described, shown
 #: Rigidities in the order of K_x, K_y, K_z, and the couplings of two of them.
 RIGIDITIES = ("GJ", "EI_y", "EI_z")
 COUPLINGS = {"coupling_xy": (0, 1), "coupling_xz": (0, 2), "coupling_yz": (1, 2)}
+_PLACES = {name: (i, i) for i, name in enumerate(RIGIDITIES)} | COUPLINGS
 
 
 #: An eigenvalue of an inertia may be negative by this fraction of the largest: rounding of tables.
@@ -53,6 +56,7 @@ class Section:
     ] = ()  #: interior xi at which a field jumps; those of `Steps` are added
 
     _quantities: dict[str, Along] = field(init=False, repr=False)
+    _uniform: AnyExpr | None = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
         own_fields(self)
@@ -67,7 +71,7 @@ class Section:
         breaks = breaks_of(self, *self._quantities.values())
         object.__setattr__(self, "breaks", breaks)
         if not any(self._quantities[name].varies for name in (*RIGIDITIES, *COUPLINGS)):
-            self.stiffness(0.5)
+            object.__setattr__(self, "_uniform", self.stiffness(0.5))
 
     @classmethod
     def from_stiffness(cls, stiffness: Number, **mass: Number) -> Section:
@@ -80,13 +84,13 @@ class Section:
         """
 
         whole = Along("stiffness", stiffness, partial(symmetric, definite=True)).value
+        if callable(whole):
+            whole = _Latest(whole)  # six entries ask for the same matrix
 
         def entry(row: int, column: int) -> Number:
             return mapped(whole, lambda matrix: matrix[row, column])
 
-        couplings = {name: entry(*place) for name, place in COUPLINGS.items()}
-        rigidities = {name: entry(i, i) for i, name in enumerate(RIGIDITIES)}
-        return cls(**rigidities, **couplings, **mass)
+        return cls(**{name: entry(*place) for name, place in _PLACES.items()}, **mass)
 
     def __str__(self) -> str:
         return described("Section", {name: shown(*of) for name, of in self._entries.items()})
@@ -109,13 +113,16 @@ class Section:
 
     def stiffness(self, xi: float) -> AnyExpr:
         """Stiffness (3, 3), N m², local axes: moment = stiffness (K − K_0)."""
-        rows = [[ca.DM(0)] * 3 for _ in range(3)]
-        for i, name in enumerate(RIGIDITIES):
-            rows[i][i] = self._quantities[name](xi)
-        for name, (i, j) in COUPLINGS.items():
-            rows[i][j] = rows[j][i] = self._quantities[name](xi)
-        matrix = ca.vertcat(*(ca.horzcat(*row) for row in rows))
-        return symmetric(f"Section stiffness at xi = {xi}", matrix, definite=True)
+        if self._uniform is not None:
+            return type(self._uniform)(self._uniform)
+        rows: list[list[Any]] = [[0.0] * 3 for _ in range(3)]
+        for name, (i, j) in _PLACES.items():
+            value = self._quantities[name](xi)
+            rows[i][j] = rows[j][i] = float(value) if is_numeric(value) else value
+        name = f"Section stiffness at xi = {xi:g}"
+        if all(is_numeric(entry) for row in rows for entry in row):
+            return symmetric(name, np.array(rows), definite=True)
+        return ca.vertcat(*(ca.horzcat(*row) for row in rows))
 
     def mass_at(self, xi: float) -> Number:
         """Mass per length, kg/m."""
@@ -160,6 +167,24 @@ def condense_axial(stiffness: Number) -> Array:
     """
     matrix = symmetric("stiffness", stiffness, size=4, definite=True).full()
     return np.asarray(matrix[1:, 1:] - np.outer(matrix[1:, 0], matrix[0, 1:]) / matrix[0, 0])
+
+
+@dataclass(frozen=True, eq=False)
+class _Latest:
+    """A function of xi that remembers its value at the station that it was last asked for."""
+
+    source: Along
+    _call: Callable[[float], AnyExpr] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_call", lru_cache(maxsize=1)(self.source))
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return self.source.breaks
+
+    def __call__(self, xi: float) -> AnyExpr:
+        return self._call(xi)
 
 
 def semidefinite(name: str, value: Number) -> AnyExpr:

@@ -172,10 +172,11 @@ def _wing(table: toml.Table) -> Wing:
 
 
 def _beam(table: toml.Table) -> Beam:
+    section = read_section(table.table("section"))
     description = {
-        "basis": wing_file.basis_of(table.table("basis")),
+        "basis": wing_file.basis_of(table.table("basis"), section),
         "grid": wing_file.grid_of(table.table("grid")),
-        "section": read_section(table.table("section")),
+        "section": section,
         "bodies": tuple(read_body(entry) for entry in table.tables("bodies")),
         **wing_file.beam_values_of(table.table("beam")),
     }

@@ -17,8 +17,10 @@ import casadi as ca
 from curvcasadi.beam import families
 from curvcasadi.beam.basis import CHANNELS, ChannelBasis
 from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.compliance import ComplianceBasis
 from curvcasadi.beam.grid import Grid
 from curvcasadi.beam.pose import Pose
+from curvcasadi.beam.section import Section
 from curvcasadi.files import toml_reader as toml
 from curvcasadi.files.loads import read_load
 from curvcasadi.files.sections import read_body, read_section
@@ -33,12 +35,14 @@ FAMILIES: dict[str, type] = {
     "chebyshev": families.Chebyshev,
     "bspline": families.BSpline,
     "cantilever_modes": families.CantileverModes,
+    "free_tip": families.FreeTip,
     "piecewise_constant": families.PiecewiseConstant,
     "tabulated": families.Tabulated,
 }
 _FAMILY_KEYS = {
     "n": Key(toml.WHOLE, "number of functions, and of weights"),
     "degree": Key(toml.WHOLE, "degree of the piecewise polynomials"),
+    "order": Key(toml.WHOLE, "order of the zero at the tip: 2 for bending, 1 for torsion"),
     "xi": Key(toml.NUMBERS, "stations s/L of the samples, increasing from 0 to 1"),
     "values": Key(toml.ROWS, "a row for each station, a column for each function"),
 }
@@ -142,6 +146,14 @@ BASIS = Keys(
             ("functions of K_x", "functions of K_y, bending up and down", "functions of K_z"),
             strict=True,
         )
+    }
+    | {
+        "kind": Key(
+            toml.TEXT,
+            "`channels`; or `compliance`: the functions are moments, curvature follows by the "
+            "stiffness of [section], for a section that jumps",
+            default="`channels`",
+        )
     },
 )
 #: Keys of a channel by the name of its family.
@@ -213,10 +225,11 @@ def read_wing(file: toml.Table) -> WingFile:
     if "beams" in file.content:
         raise file.error("expected a wing file, found an aircraft's, with [[beams]]")
     tables = file.read(WING)
+    section = read_section(file.table("section")) if "section" in tables else None
     description: dict[str, Any] = {
-        "basis": basis_of(file.table("basis")),
+        "basis": basis_of(file.table("basis"), section),
         "grid": grid_of(file.table("grid")),
-        "section": read_section(file.table("section")) if "section" in tables else None,
+        "section": section,
         "bodies": tuple(read_body(table) for table in file.tables("bodies")),
     }
     beam = file.table("beam")
@@ -239,11 +252,17 @@ def beam_values_of(table: toml.Table) -> dict[str, Any]:
     return values
 
 
-def basis_of(table: toml.Table) -> ChannelBasis:
-    channels = table.read(BASIS)
-    made = {channel: _family(table.table(channel)) for channel in channels}
+def basis_of(table: toml.Table, section: Section | None) -> ChannelBasis | ComplianceBasis:
+    """Basis of a table [basis], for a wing of `section`."""
+    values = table.read(BASIS)
+    kind = table.one_of("kind", ("channels", "compliance")) if "kind" in values else "channels"
+    made = {channel: _family(table.table(channel)) for channel in CHANNELS if channel in values}
     with table.owning_errors():
-        return ChannelBasis(**made)
+        if kind == "channels":
+            return ChannelBasis(**made)
+        if section is None:
+            raise ValueError("kind: expected a table [section] for 'compliance', found none")
+        return ComplianceBasis(section, **made)
 
 
 def _family(table: toml.Table) -> families.Family:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from curvcasadi.beam.along import Along, breaks_of, vector
+from curvcasadi.beam.basis import refuse_at_tip
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.section import Section
 from curvcasadi.loads.stations import (
@@ -71,6 +72,7 @@ class PointForce(Load):
         return False
 
     def contributions(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
+        refuse_at_tip(beam.basis, "PointForce", self.xi, force=self.force, offset=self.offset)
         yield mesh.node(self.xi), force_data(self.force, self.frame, self.offset, to_parent)
 
 
@@ -95,6 +97,7 @@ class PointMoment(Load):
         return False
 
     def contributions(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
+        refuse_at_tip(beam.basis, "PointMoment", self.xi, moment=self.moment)
         yield mesh.node(self.xi), moment_data(self.moment, self.frame, to_parent)
 
 

@@ -19,6 +19,7 @@ COUNTED = [
     cc.PiecewiseConstant,
     cc.BSpline,
     cc.CantileverModes,
+    cc.FreeTip,
 ]
 
 

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 
 from curvcasadi.beam.along import Steps
+from curvcasadi.beam.compliance import ComplianceBasis
 from curvcasadi.beam.families import (
     BSpline,
     CantileverModes,
     Chebyshev,
+    FreeTip,
     Legendre,
     Monomial,
     PiecewiseConstant,
@@ -109,6 +111,8 @@ class TestWingFile:
             ('{ family = "bspline", n = 5 }', BSpline(5)),
             ('{ family = "bspline", n = 5, degree = 2 }', BSpline(5, degree=2)),
             ('{ family = "cantilever_modes", n = 2 }', CantileverModes(2)),
+            ('{ family = "free_tip", n = 3 }', FreeTip(3)),
+            ('{ family = "free_tip", n = 3, order = 1 }', FreeTip(3, order=1)),
             ('{ family = "piecewise_constant", n = 4 }', PiecewiseConstant(4)),
             (
                 '{ family = "tabulated", xi = [0, 0.4, 1], values = [[1, 0], [0.5, 2], [0, 1]] }',
@@ -121,6 +125,15 @@ class TestWingFile:
         assert type(basis.in_plane) is type(family) and type(family) in FAMILIES.values()
         for xi in (0.0, 0.3, 0.9):
             np.testing.assert_array_equal(basis(xi), [0 * family(xi), 0 * family(xi), family(xi)])
+
+    def test_a_basis_of_moments_takes_the_section_of_the_file(self, wing):
+        section = "xi = [0, 0.4, 1]\nGJ = [1.0, 1.0]\nEI_y = [2.0, 0.5]\nEI_z = [3.0, 3.0]"
+        channels = 'kind = "compliance"\nout_of_plane = { family = "free_tip", n = 2 }'
+        beam = load_beam(wing(basis=channels, section=section))
+        expected = ComplianceBasis(beam.section, out_of_plane=FreeTip(2))
+        assert beam.basis.breaks == (0.4,) and isinstance(beam.basis, ComplianceBasis)
+        for xi in (0.1, 0.7):
+            np.testing.assert_array_equal(beam.basis(xi), expected(xi))
 
     def test_grids_are_uniform_lobatto_or_custom(self, wing):
         stations = load_beam(wing(grid='kind = "uniform"\nelements = 2')).stations
@@ -189,10 +202,17 @@ class TestWingFile:
              "found none"),
             ({"basis": "torsion = 3"}, "[basis] torsion: expected a table of family, n, found 3"),
             ({"basis": "bending = {}"}, "[basis] bending: expected one of the keys torsion, "
-             "out_of_plane, in_plane; found an unknown key, nearest to "),
+             "out_of_plane, in_plane, kind; found an unknown key, nearest to "),
             ({"basis": "torsion = { n = 3 }"}, "[basis.torsion] family: expected one of legendre, "
-             "monomial, chebyshev, bspline, cantilever_modes, piecewise_constant, tabulated, "
-             "found no such key"),
+             "monomial, chebyshev, bspline, cantilever_modes, free_tip, piecewise_constant, "
+             "tabulated, found no such key"),
+            ({"basis": 'kind = "moments"'},
+             "[basis] kind: expected one of channels, compliance, found 'moments'"),
+            ({"basis": 'kind = "compliance"\ntorsion = { family = "legendre", n = 1 }',
+              "section": None},
+             "[basis] kind: expected a table [section] for 'compliance', found none"),
+            ({"basis": 'torsion = { family = "free_tip", n = 3, order = 3 }'},
+             "[basis.torsion] order: expected one of 1, 2; found 3"),
             ({"basis": 'torsion = { family = "legendr", n = 3 }'},
              "[basis.torsion] family: expected one of legendre, "),
             ({"basis": 'torsion = { family = "legendre" }'},

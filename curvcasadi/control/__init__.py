@@ -1,19 +1,26 @@
 """Models as a control engineer sees them: x, u, p, y."""
 
+from curvcasadi.control.beam_model import beam_model
 from curvcasadi.control.error_state import difference, retract
 from curvcasadi.control.kinematic_model import kinematic_model
+from curvcasadi.control.linearize import LinearModel, linearize
 from curvcasadi.control.model import ControlModel, SecondOrder
+from curvcasadi.control.second_order import second_order_model
 from curvcasadi.control.simulation import Simulation, simulate
 from curvcasadi.control.step import rk4_step, step_function
 
 __all__ = [
     "ControlModel",
+    "LinearModel",
     "SecondOrder",
     "Simulation",
+    "beam_model",
     "difference",
     "kinematic_model",
+    "linearize",
     "retract",
     "rk4_step",
+    "second_order_model",
     "simulate",
     "step_function",
 ]

@@ -81,9 +81,7 @@ def midpoint_solver(rule: Midpoint) -> ca.Function:
     """
     x, u, p = rule.symbols
     h, guess = ca.MX.sym("h"), ca.MX.sym("guess", rule.n_rates)
-    matrix = _matrix(rule, h, x)
-    loop = _loop(rule)
-    z, residual, count = loop(guess, x, u, p, h, matrix, _elastic_size(rule, x, matrix))
+    z, residual, count = _loop(rule)(guess, x, u, p, h, *_matrix(rule, h, x, p))
     return ca.Function(
         f"{rule.model.name}_midpoint",
         [x, u, p, h, guess],
@@ -124,20 +122,16 @@ def _split(rule: Midpoint, x: ca.MX) -> list[ca.MX]:
     return pieces
 
 
-def _matrix(rule: Midpoint, h: ca.MX, x: ca.MX) -> ca.MX:
-    motion = rule.motion
-    constant = h / 2 * ca.DM(motion.damping) + h**2 / 4 * ca.DM(motion.stiffness)
-    return ca.densify(motion.mass_matrix(x) + constant)
-
-
-def _elastic_size(rule: Midpoint, x: ca.MX, matrix: ca.MX) -> ca.MX:
-    """|A⁻¹ S c|: accelerations are known to rounding of these, not better."""
+def _matrix(rule: Midpoint, h: ca.MX, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
+    """A, and |A⁻¹ S c|: accelerations are known to rounding of that, not better."""
+    mass, damping, stiffness = rule.motion.matrices(x, p)
+    matrix = ca.densify(mass + h / 2 * damping + h**2 / 4 * stiffness)
     parts = rule.configuration.split(_split(rule, x)[0])
-    errors = [
+    errors = (
         ca.MX(3, 1) if part.attitude else parts[part.name] for part in rule.configuration.parts
-    ]
-    force = ca.densify(ca.DM(rule.motion.stiffness) @ ca.vertcat(*errors))
-    return ca.norm_1(ca.solve(matrix, force, "ldl"))
+    )
+    force = ca.densify(stiffness @ ca.vertcat(*errors))
+    return matrix, ca.norm_1(ca.solve(matrix, force, "ldl"))
 
 
 def _loop(rule: Midpoint) -> ca.Function:

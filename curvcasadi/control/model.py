@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from curvcasadi.lie import quaternion
-from curvcasadi.symbolic.expressions import Array, Real
+from curvcasadi.symbolic.expressions import Real
 from curvcasadi.symbolic.layout import Layout
 
 
@@ -34,20 +34,17 @@ class SecondOrder:
     balance : casadi.Function
         (x, acceleration, u, p) -> balance (nv, 1), other_rates (no, 1). `acceleration` (nv, 1)
         holds the derivatives of the velocities. Its derivatives are attached and structured.
-    mass_matrix : casadi.Function
-        (x) -> (nv, nv), the derivative of the balance by the acceleration without that of the air.
-    stiffness, damping : array, shape (nv, nv)
-        Constant parts of the derivatives of the balance by configuration and velocities: what makes
-        it stiff.
+    matrices : casadi.Function
+        (x, p) -> mass (nv, nv), damping (nv, nv), stiffness (nv, nv): derivatives of the balance
+        by acceleration, velocities and configuration, of the last two the constant parts, which
+        make a wing stiff; the air is not in them.
     """
 
     configuration: int
     velocities: int
     kinematics: ca.Function
     balance: ca.Function
-    mass_matrix: ca.Function
-    stiffness: Array
-    damping: Array
+    matrices: ca.Function
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -26,8 +26,11 @@ def _model(name, x, u, p, symbols, xdot, second_order):
     )
 
 
-def _second_order(name, symbols, acceleration, kinematics, balance, rates, mass, **fields):
+def _second_order(
+    name, symbols, acceleration, kinematics, balance, rates, mass, *, stiffness, damping, **fields
+):
     x, u, p = symbols
+    matrices = [mass, ca.DM(damping), ca.DM(stiffness)]
     return cc.SecondOrder(
         kinematics=ca.Function(f"{name}_kinematics", [x], [kinematics], ["x"], ["rate"]),
         balance=ca.Function(
@@ -37,7 +40,9 @@ def _second_order(name, symbols, acceleration, kinematics, balance, rates, mass,
             ["x", "acceleration", "u", "p"],
             ["balance", "other_rates"],
         ),
-        mass_matrix=ca.Function(f"{name}_mass", [x], [mass], ["x"], ["M"]),
+        matrices=ca.Function(
+            f"{name}_matrices", [x, p], matrices, ["x", "p"], ["mass", "damping", "stiffness"]
+        ),
         velocities=acceleration.numel(),
         **fields,
     )

@@ -111,6 +111,7 @@ from curvcasadi.control import (
 from curvcasadi.dynamics import (
     forward_dynamics,
     inverse_dynamics,
+    inverse_dynamics_function,
     kinetic_energy,
     mass_matrix,
 )
@@ -305,6 +306,7 @@ __all__ = [
     "generalized_force",
     "information_matrix",
     "inverse_dynamics",
+    "inverse_dynamics_function",
     "jacobian_function",
     "kinematic_model",
     "kinetic_energy",

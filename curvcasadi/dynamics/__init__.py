@@ -9,6 +9,9 @@ from curvcasadi.dynamics.forward import (
 from curvcasadi.dynamics.inverse import (
     inverse_dynamics,
 )
+from curvcasadi.dynamics.inverse_function import (
+    inverse_dynamics_function,
+)
 from curvcasadi.dynamics.mass import (
     mass_matrix,
 )
@@ -16,6 +19,7 @@ from curvcasadi.dynamics.mass import (
 __all__ = [
     "forward_dynamics",
     "inverse_dynamics",
+    "inverse_dynamics_function",
     "kinetic_energy",
     "mass_matrix",
 ]

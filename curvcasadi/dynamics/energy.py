@@ -7,11 +7,8 @@ from functools import lru_cache
 import casadi as ca
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.dynamics import system
-from curvcasadi.dynamics.element_motion import element_motion
+from curvcasadi.dynamics import recursion, system
 from curvcasadi.dynamics.inertia import Mask, masked, momentum
-from curvcasadi.kinematics import chain
-from curvcasadi.kinematics.chain import Pattern
 from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.symbolic.expressions import AnyExpr
 
@@ -43,24 +40,10 @@ def kinetic_energy(
     states = system.weights(beam, q=q, q_dot=q_dot)
     built = system.build(beam, (), root, states)
     mask, inertias = built.inertias
-    step = _twist_step(built.chain.pattern)
-    twists = built.chain.march([step], ca.densify(built.root.twist), *states.values())
+    step = recursion.twist_step(built.chain.pattern)
+    twists = built.chain.march([step], built.root_twist, *states.values())
     energy = _station_energy(mask)
     return sum(energy(*station) for station in zip(twists, inertias, strict=True))
-
-
-@lru_cache(maxsize=256)
-def _twist_step(pattern: Pattern) -> ca.Function:
-    """(q, q_dot, twist, data) -> twist: ω⁺ = R_eᵀ (ω + w), v⁺ = R_eᵀ (v + ω × p_e + ṗ_e)."""
-    symbols = chain.interval(pattern)
-    rate, twist = ca.SX.sym("q_dot", pattern.n), ca.SX.sym("twist", 6)
-    end = element_motion(pattern, symbols, [rate])
-    angular = twist[:3] + end.turning[0]
-    linear = twist[3:] + ca.cross(twist[:3], end.position) + end.moving[0]
-    crossed = ca.vertcat(end.rotation.T @ angular, end.rotation.T @ linear)
-    return chain.step_function(
-        "element_twist", {"q": symbols.q, "q_dot": rate}, twist, symbols.data, crossed
-    )
 
 
 @lru_cache(maxsize=8)

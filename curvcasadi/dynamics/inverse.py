@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.dynamics import recursion, system
+from curvcasadi.dynamics import applied, recursion, system
 from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.statics.balance import stiffness_matrix
 from curvcasadi.symbolic.expressions import AnyExpr
@@ -62,10 +62,10 @@ def residual(built: system.System, q: AnyExpr, q_dot: AnyExpr, q_ddot: AnyExpr) 
         recursion.inward(beam_chain.pattern, mask),
     )
     motions = beam_chain.march([outward], built.root_motion, q, q_dot, q_ddot)
-    applied = system.applied_wrenches(built, q)
+    acting = applied.local_wrenches(built, q, q_dot, motions)
     wrench, force = ca.DM.zeros(6), ca.DM.zeros(built.beam.basis.n)
     for k in reversed(range(1, len(motions))):
-        if applied[k] is not None:
-            wrench = wrench - applied[k]
+        if acting[k] is not None:
+            wrench = wrench - acting[k]
         wrench, force = inward(q, motions[k], inertias[k], beam_chain.data[k - 1], wrench, force)
     return stiffness_matrix(built.beam) @ q + force

@@ -61,6 +61,20 @@ def cross_element(
 
 
 @lru_cache(maxsize=256)
+def twist_step(pattern: Pattern) -> ca.Function:
+    """(q, q_dot, twist, data) -> twist: ω⁺ = R_eᵀ (ω + w), v⁺ = R_eᵀ (v + ω × p_e + ṗ_e)."""
+    symbols = chain.interval(pattern)
+    rate, twist = ca.SX.sym("q_dot", pattern.n), ca.SX.sym("twist", 6)
+    end = element_motion(pattern, symbols, [rate])
+    angular = twist[:3] + end.turning[0]
+    linear = twist[3:] + ca.cross(twist[:3], end.position) + end.moving[0]
+    crossed = ca.vertcat(end.rotation.T @ angular, end.rotation.T @ linear)
+    return chain.step_function(
+        "element_twist", {"q": symbols.q, "q_dot": rate}, twist, symbols.data, crossed
+    )
+
+
+@lru_cache(maxsize=256)
 def inward(pattern: Pattern, mask: Mask) -> ca.Function:
     """(q, motion and inertia at the end, data, wrench, Q) -> wrench, Q.
 

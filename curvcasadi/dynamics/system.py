@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import lru_cache
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import casadi as ca
 
 from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.pose import Pose
 from curvcasadi.dynamics.inertia import StationInertias, inertial_mesh, station_inertias
 from curvcasadi.kinematics import chain
 from curvcasadi.kinematics.root_motion import RootMotion
+from curvcasadi.lie import se3
 from curvcasadi.loads.kinds import Gravity
-from curvcasadi.loads.stations import StationLoads, WrenchFormula, station_loads
+from curvcasadi.loads.stations import StationLoads, station_loads
 from curvcasadi.symbolic.expressions import AnyExpr, expression, instance, same_kind
+
+
+class ParentMotion(NamedTuple):
+    """Motion of the parent frame, in its own axes at its origin."""
+
+    twist: AnyExpr  #: V (6, 1), rad/s and m/s
+    twist_rate: AnyExpr  #: rates of the components of V, (6, 1)
+    gravity: AnyExpr  #: acceleration of gravity (3, 1), m/s²
+
+    @property
+    def acceleration(self) -> AnyExpr:
+        """Spatial acceleration less gravity, (6, 1): that of all that rests in the parent."""
+        return self.twist_rate - ca.vertcat(ca.DM.zeros(3), self.gravity)
 
 
 class System(NamedTuple):
@@ -24,22 +38,23 @@ class System(NamedTuple):
     chain: chain.Chain
     inertias: StationInertias
     loads: tuple[StationLoads, ...]  #: per station, gravity excluded
-    root: RootMotion
-    gravity: AnyExpr  #: acceleration (3, 1), m/s², inertial axes
-
-    @property
-    def root_pose(self) -> AnyExpr:
-        """(vec R, p), (12, 1), of the root in parent axes."""
-        return ca.veccat(self.beam.root.rotation, self.beam.root.position)
+    parent: ParentMotion
 
     @property
     def root_motion(self) -> AnyExpr:
         """(ω, α, a − g) of the root, (9, 1), root axes, with a = dv/dt + ω × v."""
-        to_root = (self.root.pose.rotation @ self.beam.root.rotation).T
-        angular, linear = self.root.twist[:3], self.root.twist[3:]
-        rate = self.root.twist_rate
-        acceleration = rate[3:] + ca.cross(angular, linear) - to_root @ self.gravity
-        return ca.densify(ca.vertcat(angular, rate[:3], acceleration))
+        root, (twist, _, _) = self.beam.root, self.parent
+        rate, acceleration = twist[:3], self.parent.acceleration
+        velocity = twist[3:] + ca.cross(rate, root.position)
+        linear = acceleration[3:] + ca.cross(acceleration[:3], root.position)
+        linear += ca.cross(rate, velocity)
+        to_root = root.rotation.T
+        return ca.densify(ca.vertcat(to_root @ rate, to_root @ acceleration[:3], to_root @ linear))
+
+    @property
+    def root_twist(self) -> AnyExpr:
+        """Body twist of the root, (6, 1), root axes."""
+        return ca.densify(_adjoint(self.beam.root.inverse()) @ self.parent.twist)
 
 
 def weights(beam: Beam, **values: AnyExpr) -> dict[str, AnyExpr]:
@@ -49,26 +64,47 @@ def weights(beam: Beam, **values: AnyExpr) -> dict[str, AnyExpr]:
 
 
 def build(
-    beam: Beam, loads: Sequence[Any], root: RootMotion | None, weights: dict[str, AnyExpr]
+    beam: Beam, loads: Sequence[Any], root: RootMotion | None, weights: Mapping[str, AnyExpr]
 ) -> System:
     """System of `beam`; all its symbols must be of the kind of the `weights`."""
     loads = tuple(loads)
     root = instance("root", RootMotion() if root is None else root, RootMotion)
+    to_parent, attitude = _adjoint(beam.root), root.pose.rotation
+    parent = ParentMotion(
+        to_parent @ root.twist, to_parent @ root.twist_rate, attitude.T @ _gravity(loads, root)
+    )
+    return in_parent(beam, loads, parent, attitude, {**weights, **root.symbols})
+
+
+def in_parent(
+    beam: Beam,
+    loads: Sequence[Any],
+    parent: ParentMotion,
+    attitude: AnyExpr,
+    symbols: Mapping[str, AnyExpr],
+) -> System:
+    """System of `beam` in a moving parent, whose `attitude` takes its axes to inertial ones.
+
+    Gravity is that of `parent`; what `loads` have of it is left out.
+    """
     mesh = inertial_mesh(beam, loads)
     inertias = station_inertias(beam, mesh)
     others = [load for load in loads if not isinstance(load, Gravity)]
-    applied = station_loads(beam, others, mesh, root.pose.rotation)
-    beam_chain = chain.build(beam, mesh.stations.tolist(), boundaries=mesh.stations)
-    system = System(beam, beam_chain, inertias, tuple(applied), root, _gravity(loads, root))
+    applied = station_loads(beam, others, mesh, attitude)
     acting = {
         f"loads at xi = {xi:g}": data
         for xi, station in zip(mesh.stations, applied, strict=True)
         for _, data in station
     }
     inertia = {"the inertia of Beam.section and Beam.bodies": ca.vertcat(*inertias.data)}
-    gravity = {"Gravity.acceleration": system.gravity}
-    same_kind(**weights, **beam.design_symbols, **root.symbols, **inertia, **gravity, **acting)
-    return system
+    gravity = {"gravity": parent.gravity}
+    same_kind(**symbols, **beam.design_symbols, **inertia, **gravity, **acting)
+    beam_chain = chain.build(beam, mesh.stations.tolist(), boundaries=mesh.stations)
+    return System(beam, beam_chain, inertias, tuple(applied), parent)
+
+
+def _adjoint(pose: Pose) -> AnyExpr:
+    return se3.adjoint(se3.matrix(pose.rotation, pose.position))
 
 
 def _gravity(loads: Sequence[Any], root: RootMotion) -> AnyExpr:
@@ -80,34 +116,3 @@ def _gravity(loads: Sequence[Any], root: RootMotion) -> AnyExpr:
             )
         accelerations = [root.gravity]
     return sum(accelerations, ca.DM.zeros(3))
-
-
-def applied_wrenches(system: System, q: AnyExpr) -> list[AnyExpr]:
-    """Sum of the loads on each station, (moment, force), (6, 1), its local axes; None where none.
-
-    The poses are computed only if there are such loads.
-    """
-    if not any(system.loads):
-        return [None] * len(system.loads)
-    step = chain.pose_step(system.chain.pattern)
-    poses = system.chain.march([step], system.root_pose, q)
-    return [
-        _sum(_local_wrench(formula, data.numel())(pose, data) for formula, data in acting)
-        for pose, acting in zip(poses, system.loads, strict=True)
-    ]
-
-
-def _sum(terms: Any) -> AnyExpr:
-    first, *others = [*terms] or [None]
-    return sum(others, first)
-
-
-@lru_cache(maxsize=256)
-def _local_wrench(formula: WrenchFormula, size: int) -> ca.Function:
-    """(pose, data) -> wrench (moment, force) at the station in its local axes."""
-    pose, data = ca.SX.sym("pose", 12), ca.SX.sym("data", size)
-    rotation, position = chain.unpack_pose(pose)
-    wrench = formula(rotation, position, data)
-    moment = wrench[:3] - ca.cross(position, wrench[3:])
-    local = ca.vertcat(rotation.T @ moment, rotation.T @ wrench[3:])
-    return ca.Function("local_wrench", [pose, data], [local], {"cse": True})

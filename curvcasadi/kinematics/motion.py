@@ -203,7 +203,7 @@ def _tangent_step(pattern: Pattern, order: int, rates: int) -> ca.Function:
     start = unpack_motion(state, order)
 
     t = ca.SX.sym("t")
-    rotation, position, moments = _taylor(start, symbols.moments, moment_rates, t)
+    rotation, position, moments = taylor(start, symbols.moments, moment_rates, t)
     rotation, position, left, shift, d_theta, d_v = element.advance_with_factors(
         rotation, position, symbols.h, moments, pattern.rule, pattern.exponential, pattern.degree
     )
@@ -248,7 +248,7 @@ def _columns(factors: ca.SX, strains: ca.SX) -> ca.SX:
     return ca.vertcat(left @ strains[:3, :], shift @ strains[:3, :] + left @ strains[3:, :])
 
 
-def _taylor(
+def taylor(
     start: StationMotion, moments: ca.SX, moment_rates: list[ca.SX], t: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Pose of a material frame and moments of its element after the time `t`."""

@@ -119,10 +119,12 @@ from curvcasadi.errors import ConvergenceError
 from curvcasadi.estimation import (
     Estimate,
     Placement,
+    RandomWalk,
     ShapeDeviations,
     ShapeEkf,
     ShapeFit,
     ShapeMhe,
+    WhiteAcceleration,
     WindowEstimate,
     fit_shape,
     information_matrix,
@@ -206,6 +208,7 @@ from curvcasadi.symbolic import (
 )
 
 __version__ = "0.1.0"
+from curvcasadi.solvers import SqpSettings
 
 __all__ = [
     "Accelerometer",
@@ -256,6 +259,7 @@ __all__ = [
     "PointForce",
     "PointMoment",
     "Pose",
+    "RandomWalk",
     "RateGyro",
     "RigidBody",
     "RootMotion",
@@ -270,6 +274,7 @@ __all__ = [
     "ShapeResult",
     "ShearGauge",
     "Simulation",
+    "SqpSettings",
     "StepGust",
     "Steps",
     "StrainGauge",
@@ -282,6 +287,7 @@ __all__ = [
     "TrimResult",
     "Turbulence",
     "VectorBasis",
+    "WhiteAcceleration",
     "WindowEstimate",
     "Wing",
     "WingFile",

@@ -8,14 +8,17 @@ from curvcasadi.estimation.information import ShapeDeviations, information_matri
 from curvcasadi.estimation.mhe.estimator import ShapeMhe, WindowEstimate, shape_mhe
 from curvcasadi.estimation.mhe.run import run_mhe
 from curvcasadi.estimation.placement.placement import Placement, place_sensors
+from curvcasadi.estimation.process import RandomWalk, WhiteAcceleration
 
 __all__ = [
     "Estimate",
     "Placement",
+    "RandomWalk",
     "ShapeDeviations",
     "ShapeEkf",
     "ShapeFit",
     "ShapeMhe",
+    "WhiteAcceleration",
     "WindowEstimate",
     "fit_shape",
     "information_matrix",

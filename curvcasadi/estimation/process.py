@@ -13,17 +13,68 @@ Biases of gyros: random walks.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import casadi as ca
 
 from curvcasadi.estimation import ud
 from curvcasadi.lie import so3
-from curvcasadi.symbolic.expressions import AnyExpr, Array
+from curvcasadi.symbolic.expressions import AnyExpr, Array, Number, choice
 from curvcasadi.symbolic.layout import Layout, Part
 
 ProcessName = Literal["random_walk", "white_acceleration"]
 PROCESSES: tuple[ProcessName, ...] = ("random_walk", "white_acceleration")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RandomWalk:
+    """Weights that are driven by white noise: q' = w.
+
+    Attributes
+    ----------
+    density : float or array, shape (n,)
+        Density of w, rad/(m √s); after the time t the weights have wandered by density √t.
+    rate : float or array, shape (n,), or None
+        Standard deviation of q_dot, rad/(m s), which gyros and accelerometers read.
+    acceleration : float or array, shape (n,), or None
+        Standard deviation of q_ddot, rad/(m s²), which accelerometers read.
+    """
+
+    kind: ClassVar[ProcessName] = "random_walk"
+    density: Number
+    rate: Number | None = None
+    acceleration: Number | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WhiteAcceleration:
+    """Weights whose rates are driven by white noise: q' = q_dot, q_dot' = w.
+
+    Attributes
+    ----------
+    density : float or array, shape (n,)
+        Density of w, rad/(m s √s); after the time t the rates have wandered by density √t.
+    acceleration : float or array, shape (n,), or None
+        Standard deviation of q_ddot, rad/(m s²), which accelerometers read.
+    """
+
+    kind: ClassVar[ProcessName] = "white_acceleration"
+    density: Number
+    acceleration: Number | None = None
+    rate: ClassVar[None] = None  #: which is in the state
+
+
+def process_model(
+    process: ProcessName | RandomWalk | WhiteAcceleration, **keywords: Number
+) -> tuple[ProcessName, Number, Number, Number]:
+    """(kind, density, rate, acceleration) of a model, or of its name and keyword arguments."""
+    if not isinstance(process, RandomWalk | WhiteAcceleration):
+        return choice("process", process, PROCESSES), *keywords.values()
+    for name, value in keywords.items():
+        if value is not None:
+            raise ValueError(f"{name}: expected None beside the process {process!r}, found {value}")
+    return process.kind, process.density, process.rate, process.acceleration
+
 
 #: Outputs of both Functions; CasADi wants other names than those of inputs.
 AFTER = ("state_after", "factor_after")

@@ -18,8 +18,9 @@ from curvcasadi.ocp.targets import (
     rotations_defect,
 )
 from curvcasadi.solvers.certificate import TOLERANCES, Bounds, larger
+from curvcasadi.solvers.settings import SqpSettings, sqp_settings
 from curvcasadi.solvers.sqp import gauss_newton_sqp
-from curvcasadi.symbolic.expressions import Number, Real, count, function_name, positive
+from curvcasadi.symbolic.expressions import Number, Real, function_name, positive
 
 #: (weight of the preference in the objective, the same in the Hessian), stage by stage. From a
 #: stronger preference, which leads to the right valley, to ever weaker ones, with which multipliers
@@ -44,6 +45,7 @@ def shape_target_function(
     iterations: int | None = None,
     max_iter: int = 100,
     qp_solver: str = "qrqp",
+    settings: SqpSettings | None = None,
 ) -> ca.Function:
     """`reach_shape` as one Function, that becomes self-contained C.
 
@@ -70,6 +72,7 @@ def shape_target_function(
     qp_solver : "qrqp", which alone becomes self-contained C; where curvature bounds or element
         angles are active it may give up, and `violation` tells: "qpoases" does not. Without weight
         bounds that keep the elements within their angle these are constraints, and cost much
+    settings : iterations, max_iter and qp_solver in one object, in place of these
 
     Returns
     -------
@@ -87,7 +90,7 @@ def shape_target_function(
     """
     function_name("name", name)
     targets = checked_problem(beam, targets)
-    count("max_iter", max_iter)
+    solving = sqp_settings(settings, iterations=iterations, max_iter=max_iter, qp_solver=qp_solver)
     positive("regularization", regularization)
     q = ca.MX.sym("q", beam.basis.n)
     limits = shape_limits(beam, q, curvature_bound)
@@ -107,7 +110,7 @@ def shape_target_function(
     jacobian, weighted_jacobian = (ca.jacobian(part, q) for part in (to_meet, problem.weighted))
     hessian = jacobian.T @ jacobian
     hessian += in_hessian * (weighted_jacobian.T @ weighted_jacobian + preference)
-    if iterations is not None and constrained:
+    if solving.iterations is not None and constrained:
         raise ValueError(
             "iterations: expected None, or a weight for every target (least squares): targets to "
             "be met take several stages"
@@ -125,9 +128,7 @@ def shape_target_function(
         real=beam.grid.real,
         residual_unit=max([1.0, *(np.sqrt(t.weight) for t in targets if t.weight is not None)]),
         scaled=beam.grid.real == "float" or not constrained,
-        iterations=None if iterations is None else count("iterations", iterations),
-        max_iter=max_iter,
-        qp_solver=qp_solver,
+        **vars(solving),
     )
 
     guess = ca.MX.sym("q_guess", beam.basis.n)

@@ -10,6 +10,7 @@ from curvcasadi.control.step import rk4_step
 from curvcasadi.lie import so3
 from curvcasadi.ocp.targets import rotations_defect
 from curvcasadi.solvers.certificate import TOLERANCES, Bounds, larger
+from curvcasadi.solvers.settings import SqpSettings, sqp_settings
 from curvcasadi.solvers.sqp import SHOOTING, gauss_newton_sqp
 from curvcasadi.symbolic.expressions import (
     Array,
@@ -35,6 +36,7 @@ def tip_path_step_function(
     iterations: int | None = None,
     max_iter: int = 100,
     qp_solver: str = "qrqp",
+    settings: SqpSettings | None = None,
     name: str = "tip_path_step",
 ) -> ca.Function:
     """One step of a tip-path MPC: state and path in, input out.
@@ -61,6 +63,7 @@ def tip_path_step_function(
         Hessians. Where many bounds hold at once, far from the path with rates at their bounds, one
         in ten single programs of `qrqp` fails, which the last two outputs tell: do not apply `u`
         then. "qpoases" does not fail there.
+    settings : iterations, max_iter and qp_solver in one object, in place of these
 
     Returns
     -------
@@ -85,7 +88,8 @@ def tip_path_step_function(
         numeric("attitude_weight", positive("attitude_weight", attitude_weight, zero=True)),
         numeric("move_weight", positive("move_weight", move_weight)),
     ]
-    if qp_solver == "qrqp":
+    solving = sqp_settings(settings, iterations=iterations, max_iter=max_iter, qp_solver=qp_solver)
+    if solving.qp_solver == "qrqp":
         _refuse_frozen(model)
     nx, nu = model.x.size, model.u.size
     step = rk4_step(model, dt)
@@ -134,10 +138,8 @@ def tip_path_step_function(
         Bounds(lbx, ubx, lbg, ubg),
         nominal=(0, _at_rest(model, stages, attitudes)),
         real=model.real,
-        iterations=None if iterations is None else count("iterations", iterations),
-        max_iter=count("max_iter", max_iter),
         halvings=SHOOTING[model.real],
-        qp_solver=qp_solver,
+        **vars(solving),
     )
 
     guess = ca.MX.sym("guess", plan.shape[0])

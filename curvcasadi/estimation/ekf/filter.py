@@ -15,10 +15,12 @@ from curvcasadi.estimation.belief import initial_belief
 from curvcasadi.estimation.ekf.readings import Observation
 from curvcasadi.estimation.ekf.update import update_function
 from curvcasadi.estimation.process import (
-    PROCESSES,
     Process,
     ProcessName,
+    RandomWalk,
+    WhiteAcceleration,
     predict_function,
+    process_model,
 )
 from curvcasadi.estimation.samples import numeric_array
 from curvcasadi.estimation.sensor_model import check_numeric
@@ -146,8 +148,8 @@ def shape_ekf(
     beam: Beam,
     sensors: Sequence[Sensor],
     *,
-    process: ProcessName,
-    density: Number,
+    process: ProcessName | RandomWalk | WhiteAcceleration,
+    density: Number = None,
     rate: Number = None,
     acceleration: Number = None,
     attitude: bool = False,
@@ -190,7 +192,8 @@ def shape_ekf(
 
     Parameters
     ----------
-    process : "random_walk" of q, or "white_acceleration" of q (state q, q_dot)
+    process : "random_walk" of q, or "white_acceleration" of q (state q, q_dot); or a `RandomWalk`
+        or `WhiteAcceleration`, which hold density, rate and acceleration
     density : of the process noise, one number or one per weight: rad/(m √s), or of white
         acceleration rad/(m s √s); after the time t its integral has the standard deviation
         density √t
@@ -230,7 +233,9 @@ def shape_ekf(
     n = beam.basis.n
     checked = checked_sensors(sensors)
     order = max(sensor.order for sensor in checked)
-    choice("process", process, PROCESSES)
+    kind, density, rate, acceleration = process_model(
+        process, density=density, rate=rate, acceleration=acceleration
+    )
     gyros = sum(isinstance(sensor, RateGyro) for sensor in checked)
     known = root_input_names(root_inputs)
     if attitude and "attitude" in known:
@@ -246,12 +251,12 @@ def shape_ekf(
     if gyro_bias and not (gyros or attitude):
         raise ValueError("gyro_bias: expected a gyro on the wing or at the root, found none")
     unknown = {}
-    if order >= 1 and process == "random_walk":
+    if order >= 1 and kind == "random_walk":
         unknown["q_dot"] = _needed("rate", rate, n)
     if order == 2:
         unknown["q_ddot"] = _needed("acceleration", acceleration, n)
     described = Process(
-        kind=process,
+        kind=kind,
         density=_needed("density", density, n),
         attitude=attitude,
         root_rotation=beam.root.rotation,

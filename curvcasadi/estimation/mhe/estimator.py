@@ -14,17 +14,23 @@ from curvcasadi.estimation import ud
 from curvcasadi.estimation.belief import initial_belief
 from curvcasadi.estimation.mhe.step import step_function
 from curvcasadi.estimation.mhe.window import WindowProblem
-from curvcasadi.estimation.process import PROCESSES, Process, ProcessName
+from curvcasadi.estimation.process import (
+    Process,
+    ProcessName,
+    RandomWalk,
+    WhiteAcceleration,
+    process_model,
+)
 from curvcasadi.estimation.samples import numeric_array
 from curvcasadi.estimation.sensor_model import check_numeric
 from curvcasadi.estimation.words import mhe_words
 from curvcasadi.kinematics.root_motion import root_input_names
 from curvcasadi.sensors import Channels, RootMotion, Sensor
 from curvcasadi.sensors.channels import checked_sensors
+from curvcasadi.solvers.settings import SqpSettings, sqp_settings
 from curvcasadi.symbolic.expressions import (
     Array,
     Number,
-    choice,
     count,
     function_name,
     instance,
@@ -150,8 +156,8 @@ def shape_mhe(
     *,
     dt: float,
     window: int,
-    process: ProcessName,
-    density: Number,
+    process: ProcessName | RandomWalk | WhiteAcceleration,
+    density: Number = None,
     rate: Number = None,
     acceleration: Number = None,
     rate_bound: Number | None = None,
@@ -160,6 +166,7 @@ def shape_mhe(
     iterations: int | None = None,
     max_iter: int = 100,
     qp_solver: str = "qrqp",
+    settings: SqpSettings | None = None,
     name: str = "mhe",
 ) -> ShapeMhe:
     """Estimator of curvature weights from the last N + 1 samples, within bounds.
@@ -177,7 +184,8 @@ def shape_mhe(
     ----------
     dt : between samples, s
     window : N, the number of steps in a window
-    process : "random_walk" of q, or "white_acceleration" of (q, q_dot)
+    process : "random_walk" of q, or "white_acceleration" of (q, q_dot); or a `RandomWalk` or
+        `WhiteAcceleration`, which hold density, rate and acceleration
     density : of the driving white noise, rad/(m √s) or, of q_dot, rad/(m s √s); one or n
     rate, acceleration : standard deviations of what sensors read and the state does not hold, one
         or n: q_dot of a random walk with gyros or accelerometers, rad/(m s); q_ddot with
@@ -191,6 +199,7 @@ def shape_mhe(
     qp_solver : "qrqp", which alone becomes self-contained C, or another of CasADi's. Where most
         bounds hold hard at once it may give up, and, with a rate bound of a random walk in single
         precision, on one window in twenty; the last two outputs tell
+    settings : iterations, max_iter and qp_solver in one object, in place of these
 
     Returns
     -------
@@ -224,17 +233,19 @@ def shape_mhe(
     checked = checked_sensors(sensors)
     step = float(numeric("dt", positive("dt", dt)))
     nodes = count("window", window) + 1
-    choice("process", process, PROCESSES)
+    kind, density, rate, acceleration = process_model(
+        process, density=density, rate=rate, acceleration=acceleration
+    )
     check_numeric(beam, checked)
     known = root_input_names(root_inputs)
     order = max(sensor.order for sensor in checked)
     unknown = {}
-    if order >= 1 and process == "random_walk":
+    if order >= 1 and kind == "random_walk":
         unknown["q_dot"] = _per_weight("rate", rate, n)
     if order == 2:
         unknown["q_ddot"] = _per_weight("acceleration", acceleration, n)
     described = Process(
-        kind=process,
+        kind=kind,
         density=_per_weight("density", density, n),
         root_rotation=beam.root.rotation,
     )
@@ -250,14 +261,13 @@ def shape_mhe(
         process=described,
         node=node,
         unknown=unknown,
-        moves=rates * step if process == "random_walk" else np.full(n, np.inf),
+        moves=rates * step if kind == "random_walk" else np.full(n, np.inf),
         nodes=nodes,
         dt=step,
     )
-    programs = None if iterations is None else count("iterations", iterations)
-    at_most = count("max_iter", max_iter)
+    solving = sqp_settings(settings, iterations=iterations, max_iter=max_iter, qp_solver=qp_solver)
     return ShapeMhe(
-        step=step_function(problem, programs, at_most, qp_solver),
+        step=step_function(problem, solving),
         layout=described.state,
         node=node,
         channels=problem.channels,

@@ -10,12 +10,11 @@ import numpy as np
 from curvcasadi.estimation.mhe.certificate import window_certificate
 from curvcasadi.estimation.mhe.window import WindowProblem
 from curvcasadi.solvers.certificate import Bounds
+from curvcasadi.solvers.settings import SqpSettings
 from curvcasadi.solvers.sqp import SHOOTING, GaussNewton, gauss_newton_sqp
 
 
-def window_solver(
-    problem: WindowProblem, iterations: int | None, max_iter: int, qp_solver: str
-) -> GaussNewton:
+def window_solver(problem: WindowProblem, settings: SqpSettings) -> GaussNewton:
     """Solver over the nodes, stacked.
 
     Parameters: x̄, the entries of the upper triangular M with MᵀM = P̄⁻¹, and `problem.data()`.
@@ -51,12 +50,12 @@ def window_solver(
         nominal=(0, problem.typical()),
         real=problem.beam.grid.real,
         scaled=False,
-        iterations=iterations,
-        max_iter=max_iter,
         halvings=SHOOTING[problem.beam.grid.real],
-        qp_solver=qp_solver,
+        **vars(settings),
     )
-    certificate = window_certificate(problem, solver.bounds, stiffness, iterations is not None)
+    certificate = window_certificate(
+        problem, solver.bounds, stiffness, settings.iterations is not None
+    )
     return replace(solver, certificate=certificate)
 
 

@@ -11,6 +11,7 @@ from curvcasadi.estimation.mhe.window import WindowProblem
 from curvcasadi.estimation.process import predict_function
 from curvcasadi.estimation.samples import samples_function
 from curvcasadi.solvers.certificate import TOLERANCES
+from curvcasadi.solvers.settings import SqpSettings
 
 
 def arrival_function(problem: WindowProblem) -> ca.Function:
@@ -52,9 +53,7 @@ def information_root(size: int) -> ca.Function:
     return ca.Function("information_root", [factor], [root], {"cse": True})
 
 
-def step_function(
-    problem: WindowProblem, iterations: int | None, max_iter: int, qp_solver: str
-) -> ca.Function:
+def step_function(problem: WindowProblem, settings: SqpSettings) -> ca.Function:
     """What `ShapeMhe.step` is."""
     size, nodes = problem.size, problem.nodes
     inputs = {
@@ -70,7 +69,7 @@ def step_function(
     samples, seen = (ca.horzcat(*columns) for columns in zip(*pairs, strict=True))
     data = {"samples": samples, "seen": seen, **known}
 
-    solver = window_solver(problem, iterations, max_iter, qp_solver)
+    solver = window_solver(problem, settings)
     root = information_root(size)(factor)
     parameters = ca.veccat(mean, root.nz[:], *data.values())
     found, violation, stationarity = solver(ca.vec(guess), parameters)

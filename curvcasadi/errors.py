@@ -6,7 +6,15 @@ from typing import Any
 
 
 class ConvergenceError(RuntimeError):
-    """A solver did not reach what was asked for; `result` holds the best that it found."""
+    """A solver did not reach what was asked for.
+
+    Parameters
+    ----------
+    message : str
+        What was missed and by how much.
+    result : object
+        The best that was found; its type is that of the solver's result.
+    """
 
     def __init__(self, message: str, result: Any) -> None:
         super().__init__(message)

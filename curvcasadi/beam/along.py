@@ -29,10 +29,12 @@ class Piecewise:
     As many values as intervals make the quantity constant in each interval, as many values as
     stations make it linear between them. A station that stands twice in a linear table is a jump.
 
-    Parameters
+    Attributes
     ----------
-    xi : (m + 1,) stations from 0 to 1, increasing
-    values : m or m + 1 values, of any shape; numbers or symbols
+    xi : array, shape (m + 1,)
+        Stations s/L from 0 to 1, increasing.
+    values : sequence
+        Of m or m + 1 values, of any shape; numbers or symbols.
     """
 
     xi: Sequence[float]
@@ -86,10 +88,12 @@ class Piecewise:
 class Steps(Piecewise):
     """A quantity that is constant between jumps: for tables of section data.
 
-    Parameters
+    Attributes
     ----------
-    xi : (m + 1,) increasing stations from 0 to 1
-    values : m values, one per interval; of any shape
+    xi : array, shape (m + 1,)
+        Stations s/L from 0 to 1, increasing.
+    values : sequence
+        Of m values, one per interval, of any shape; numbers or symbols.
     """
 
     def _check_number(self, name: str, stations: int) -> None:

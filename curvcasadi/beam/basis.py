@@ -46,9 +46,14 @@ class Basis(Protocol):
 class ChannelBasis:
     """A family of functions for each channel; q stacks torsion, out_of_plane, in_plane.
 
-    Parameters
+    Attributes
     ----------
-    torsion, out_of_plane, in_plane : the family of K_x, K_y, K_z; None leaves K_0 there
+    torsion : Family or None
+        Functions of K_x, such as `Legendre(3)`; None leaves K_0 there.
+    out_of_plane : Family or None
+        Functions of K_y.
+    in_plane : Family or None
+        Functions of K_z.
     """
 
     torsion: Family | None = None
@@ -79,10 +84,12 @@ class ChannelBasis:
 
     @property
     def n(self) -> int:
+        """Number of functions, and of weights."""
         return sum(family.n for _, _, family in self._channels())
 
     @property
     def labels(self) -> tuple[str, ...]:
+        """A name per weight: its channel and function."""
         return tuple(
             f"{name}: {label}" for name, _, family in self._channels() for label in family.labels
         )
@@ -96,6 +103,7 @@ class ChannelBasis:
 
     @property
     def breaks(self) -> tuple[float, ...]:
+        """Interior stations at which a function or its slope jumps."""
         return tuple(sorted({x for _, _, family in self._channels() for x in family.breaks}))
 
     def __call__(self, xi: float) -> Array:
@@ -111,12 +119,16 @@ class ChannelBasis:
 class VectorBasis:
     """Coupled basis functions, each a curvature vector along the span, as Eq. 3 has them.
 
-    Parameters
+    Attributes
     ----------
-    function : xi -> (3, n), dimensionless
-    n : number of functions
-    breaks : interior points at which a function or its slope jumps
-    labels : a name per function; "coupled: k" unless given
+    function : callable
+        Function of xi that returns the (3, n) values of all basis functions, dimensionless.
+    n : int
+        Number of functions, and of weights.
+    breaks : tuple of float
+        Interior stations at which a function or its slope jumps.
+    labels : tuple of str
+        A name per function; "coupled: k" unless given.
     """
 
     function: Callable[[float], Array]

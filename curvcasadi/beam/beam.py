@@ -32,16 +32,39 @@ class Beam:
     """An inextensible, unshearable beam whose curvature is K = K_0 + Φ q (Eq. 3).
 
     `length`, `root`, `initial_curvature` and the fields of `section` may hold CasADi symbols.
+
+    Attributes
+    ----------
+    length : float or symbol
+        Length L of the reference curve, m.
+    basis : Basis
+        Basis functions Φ, such as `ChannelBasis` or `VectorBasis`; dimensionless, so that the
+        weights q are in rad/m.
+    grid : Grid
+        Elements along the span, and the rule within an element.
+    section : Section or None
+        Stiffness and mass; needed by what depends on them.
+    root : Pose
+        Local frame at xi = 0 in parent axes: the inertial axes of a lone beam, the body axes of a
+        wing of an aircraft.
+    initial_curvature : array, symbol, callable or None, shape (3,)
+        Curvature K_0 of the unloaded beam, rad/m, local axes, or a function of xi that returns it;
+        zero where None.
+    weight_bounds : float, array, tuple or None
+        Bounds of the weights, rad/m: the largest absolute value b of all, (b_1 … b_n), or a pair
+        (lower, upper) of these.
+    bodies : tuple of Body
+        Rigid bodies that are fixed to stations.
     """
 
-    length: Number  #: L, m
-    basis: Basis  #: Φ; weights q in rad/m
-    grid: Grid  #: elements and integration rule
-    section: Section | None = None  #: needed by what depends on stiffness or mass
-    root: Pose = field(default_factory=Pose.identity)  #: local frame at xi = 0, parent axes
-    initial_curvature: Number | None = None  #: K_0 (3,), rad/m, local axes, or a function of xi
-    weight_bounds: Number | None = None  #: rad/m: b, (b_1 … b_n), or a pair (lower, upper)
-    bodies: tuple[Body, ...] = ()  #: rigid bodies fixed to stations
+    length: Number
+    basis: Basis
+    grid: Grid
+    section: Section | None = None
+    root: Pose = field(default_factory=Pose.identity)
+    initial_curvature: Number | None = None
+    weight_bounds: Number | None = None
+    bodies: tuple[Body, ...] = ()
     _initial: Along = field(init=False, repr=False)
     _bounds: tuple[Array, Array] = field(init=False, repr=False)
 
@@ -133,7 +156,18 @@ class Beam:
         return self.grid.stations(self.breaks)
 
     def initial_curvature_at(self, xi: float) -> AnyExpr:
-        """K_0 (3, 1), rad/m, local axes, at the station `xi`."""
+        """K_0 (3, 1), rad/m, local axes, at the station `xi`.
+
+        Parameters
+        ----------
+        xi : float
+            Station s/L in [0, 1].
+
+        Returns
+        -------
+        SX, MX or DM, shape (3, 1)
+            The curvature K_0, rad/m, local axes.
+        """
         return self._initial(xi)
 
     @property

@@ -54,7 +54,13 @@ class _Counted:
 
 @dataclass(frozen=True)
 class Legendre(_Counted):
-    """Legendre polynomials P_k(2 xi − 1), k = 0 … n − 1."""
+    """Legendre polynomials P_k(2 xi − 1), k = 0 … n − 1.
+
+    Attributes
+    ----------
+    n : int
+        Number of functions, and of weights.
+    """
 
     def __call__(self, xi: float) -> Array:
         return np.asarray(legendre.legval(2 * xi - 1, np.eye(self.n)))
@@ -62,7 +68,13 @@ class Legendre(_Counted):
 
 @dataclass(frozen=True)
 class Chebyshev(_Counted):
-    """Chebyshev polynomials T_k(2 xi − 1), k = 0 … n − 1."""
+    """Chebyshev polynomials T_k(2 xi − 1), k = 0 … n − 1.
+
+    Attributes
+    ----------
+    n : int
+        Number of functions, and of weights.
+    """
 
     def __call__(self, xi: float) -> Array:
         return np.asarray(chebyshev.chebval(2 * xi - 1, np.eye(self.n)))
@@ -70,7 +82,13 @@ class Chebyshev(_Counted):
 
 @dataclass(frozen=True)
 class Monomial(_Counted):
-    """Powers xi^k, k = 0 … n − 1."""
+    """Powers xi^k, k = 0 … n − 1.
+
+    Attributes
+    ----------
+    n : int
+        Number of functions, and of weights.
+    """
 
     def __call__(self, xi: float) -> Array:
         return np.asarray(xi ** np.arange(self.n), dtype=float)
@@ -110,10 +128,17 @@ class FreeTip(_Counted):
 
 @dataclass(frozen=True)
 class PiecewiseConstant(_Counted):
-    """One on the k-th of n equal segments, zero elsewhere; right-continuous, the tip included."""
+    """One on the k-th of n equal segments, zero elsewhere; right-continuous, the tip included.
+
+    Attributes
+    ----------
+    n : int
+        Number of segments, and of weights.
+    """
 
     @property
     def breaks(self) -> tuple[float, ...]:
+        """Boundaries between the segments."""
         return tuple(k / self.n for k in range(1, self.n))
 
     def __call__(self, xi: float) -> Array:
@@ -125,10 +150,12 @@ class PiecewiseConstant(_Counted):
 class BSpline(_Counted):
     """Clamped B-splines on uniform knots; they sum to one.
 
-    Parameters
+    Attributes
     ----------
-    n : number of functions, at least degree + 1
-    degree : polynomial degree, at least 0; 3 is cubic
+    n : int
+        Number of functions, at least degree + 1.
+    degree : int
+        Polynomial degree, at least 0; 3 is cubic.
     """
 
     degree: int = 3
@@ -139,6 +166,7 @@ class BSpline(_Counted):
 
     @property
     def breaks(self) -> tuple[float, ...]:
+        """Interior knots."""
         segments = self.n - self.degree
         return tuple(k / segments for k in range(1, segments))
 
@@ -155,6 +183,11 @@ class CantileverModes(_Counted):
     φ''(xi) ∝ cosh βxi + cos βxi − σ (sinh βxi + sin βxi), cos β cosh β = −1,
     σ = (cosh β + cos β)/(sinh β + sin β); they vanish at the free tip. The growing exponential is
     factored out, so that high modes do not cancel.
+
+    Attributes
+    ----------
+    n : int
+        Number of modes, and of weights.
     """
 
     def __call__(self, xi: float) -> Array:
@@ -183,11 +216,14 @@ def _cantilever_root(k: int) -> float:
 class Tabulated:
     """A family from samples: one function per column, interpolated.
 
-    Parameters
+    Attributes
     ----------
-    xi : (m,) increasing stations from 0 to 1
-    values : (m, n) samples, one function per column
-    degree : 1, linear, with a break at every interior sample; or 3, a cubic spline without breaks
+    xi : array, shape (m,)
+        Stations s/L of the samples, increasing from 0 to 1.
+    values : array, shape (m, n)
+        Samples, one function per column.
+    degree : {1, 3}
+        1 is linear, with a break at every interior sample; 3 is a cubic spline without breaks.
     """
 
     xi: Array
@@ -223,14 +259,17 @@ class Tabulated:
 
     @property
     def n(self) -> int:
+        """Number of functions."""
         return int(self.values.shape[1])
 
     @property
     def breaks(self) -> tuple[float, ...]:
+        """Interior samples of a linear table; a cubic spline has none."""
         return tuple(float(x) for x in self.xi[1:-1]) if self.degree == 1 else ()
 
     @property
     def labels(self) -> tuple[str, ...]:
+        """A name per function."""
         return tuple(f"Tabulated {k}" for k in range(self.n))
 
     def __call__(self, xi: float) -> Array:

@@ -79,16 +79,33 @@ class Grid:
     """Elements along xi = s/L, the rule within an element and its exponential.
 
     Make one by `Grid.uniform(n)`, `Grid.lobatto(n)` or `Grid(boundaries=[...])`.
+
+    Attributes
+    ----------
+    boundaries : array or None, shape (N + 1,)
+        Stations s/L of a custom grid, increasing from 0 to 1.
+    kind : {"uniform", "lobatto", "custom"}
+        How the boundaries are placed.
+    elements : int or None
+        Number of elements of the beam; None of a custom grid.
+    rule : {"magnus4", "magnus6", "trapezoid", "midpoint"} or ElementRule
+        How the curvatures of an element become its strain, of order 4, 6, 2 and 2; or a rule of
+        your own.
+    exponential : {"series", "rodrigues", "small_angle_sine", "small_angle"}
+        Exact by default; the others are the paper's.
+    max_angle : float
+        Largest angle that one element may turn, rad.
+    real : {"double", "float"}
+        Arithmetic that the polynomials of an element are made for.
     """
 
-    boundaries: Array | None = None  #: (N + 1,) increasing from 0 to 1, for a custom grid
+    boundaries: Array | None = None
     kind: GridKind = "custom"
-    elements: int | None = None  #: number of elements of the beam; of a custom grid None
-    #: curvatures of an element to its strain; orders 2, 2, 4, 6; or a rule of the user's
+    elements: int | None = None
     rule: RuleName | ElementRule = "magnus4"
-    exponential: ExponentialName = "series"  #: exact by default; the others are the paper's
-    max_angle: float = 1.0  #: largest angle that one element may turn, rad
-    real: Real = "double"  #: arithmetic that the polynomials are made for
+    exponential: ExponentialName = "series"
+    max_angle: float = 1.0
+    real: Real = "double"
 
     def __post_init__(self) -> None:
         choice("Grid.kind", self.kind, ("uniform", "lobatto", "custom"))
@@ -122,7 +139,20 @@ class Grid:
         max_angle: float = 1.0,
         real: Real = "double",
     ) -> Grid:
-        """`n` elements of equal length; with breaks, equal between two breaks."""
+        """`n` elements of equal length; with breaks, equal between two breaks.
+
+        Parameters
+        ----------
+        n : int
+            Number of elements of the beam.
+        rule, exponential, max_angle, real : optional
+            Fields of `Grid`.
+
+        Returns
+        -------
+        Grid
+            Of the kind "uniform".
+        """
         return cls(
             kind="uniform",
             elements=n,
@@ -142,7 +172,20 @@ class Grid:
         max_angle: float = 1.0,
         real: Real = "double",
     ) -> Grid:
-        """`n` elements between Gauss–Lobatto points, a set of points between two breaks."""
+        """`n` elements between Gauss–Lobatto points, a set of points between two breaks.
+
+        Parameters
+        ----------
+        n : int
+            Number of elements of the beam.
+        rule, exponential, max_angle, real : optional
+            Fields of `Grid`.
+
+        Returns
+        -------
+        Grid
+            Of the kind "lobatto".
+        """
         return replace(
             cls.uniform(n, rule=rule, exponential=exponential, max_angle=max_angle, real=real),
             kind="lobatto",
@@ -162,10 +205,22 @@ class Grid:
         return degree_for(self.max_angle, self.real)
 
     def stations(self, breaks: tuple[float, ...] = (), least: int = 1) -> Array:
-        """Element boundaries (N + 1,) of a beam whose smoothness ends at `breaks`.
+        """Element boundaries of a beam whose smoothness ends at `breaks`.
 
         Every break is a boundary. A uniform or Lobatto grid shares its elements among the panels
         between breaks by their length, at least `least` each; a custom grid gains the breaks.
+
+        Parameters
+        ----------
+        breaks : tuple of float
+            Interior stations, increasing.
+        least : int
+            Fewest elements of a panel.
+
+        Returns
+        -------
+        ndarray, shape (N + 1,)
+            Stations s/L from 0 to 1.
         """
         panels = np.array([0.0, *breaks, 1.0])
         if self.kind == "custom":
@@ -186,6 +241,18 @@ class Grid:
         """Quadrature between the breaks, on `stations(breaks, least)`.
 
         See `quadrature.panels_between` for the weights.
+
+        Parameters
+        ----------
+        breaks : tuple of float
+            Interior stations, increasing.
+        least : int
+            Fewest elements of a panel.
+
+        Returns
+        -------
+        tuple of Panel
+            Stations and weights of every panel.
         """
         return panels_between(self.kind, self.stations(breaks, least), breaks)
 

@@ -24,6 +24,16 @@ def mirror(beam: Beam) -> Beam:
     S_l = diag(1, 1, −1) in local axes the root becomes (S R S_l, S p), so that x still runs to the
     tip and y to the leading edge; offsets become S_l r, inertias S_l J S_l; curvatures change by
     S_k = diag(−1, −1, 1): basis and K_0 rows S_k K, stiffness S_k C S_k.
+
+    Parameters
+    ----------
+    beam : Beam
+        A half wing.
+
+    Returns
+    -------
+    Beam
+        The half wing on the other side.
     """
     basis, section = beam.basis, beam.section
     return replace(

@@ -26,12 +26,24 @@ _NEGLIGIBLE = 1e-6
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Modes:
-    """M modes at N stations of a straight reference line, in its local axes."""
+    """M modes at N stations of a straight reference line, in its local axes.
 
-    stations: Array  #: s (N,) increasing, m, from the root, 0, to the tip
-    displacements: Array  #: u (M, 3, N), m, or any other unit of amplitude
-    rotations: Array  #: r (M, 3, N), rad, rotation vectors of the same amplitude
-    labels: tuple[str, ...]  #: (M,)
+    Attributes
+    ----------
+    stations : array, shape (N,)
+        Arc lengths s from the root, 0, to the tip, increasing, m.
+    displacements : array, shape (M, 3, N)
+        Displacements u, m or any other unit of amplitude.
+    rotations : array, shape (M, 3, N)
+        Rotation vectors r of the same amplitude, rad.
+    labels : tuple of str
+        A name per mode.
+    """
+
+    stations: Array
+    displacements: Array
+    rotations: Array
+    labels: tuple[str, ...]
 
     def __post_init__(self) -> None:
         s = numbers("Modes.stations", self.stations)
@@ -53,11 +65,21 @@ class Modes:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ModalBasis:
-    """A curvature basis from modes, and how well it reproduces them."""
+    """A curvature basis from modes, and how well it reproduces them.
 
-    basis: VectorBasis  #: the curvature of each mode, its largest magnitude at a station being 1
-    labels: tuple[str, ...]  #: of the modes
-    round_trip_error: Array  #: (n,) per mode, see `round_trip_error`
+    Attributes
+    ----------
+    basis : VectorBasis
+        Curvature of each mode, scaled so that its largest magnitude at a station is 1.
+    labels : tuple of str
+        A name per mode.
+    round_trip_error : array, shape (n,)
+        What is lost from each mode to its curvature and back, relative.
+    """
+
+    basis: VectorBasis
+    labels: tuple[str, ...]
+    round_trip_error: Array
 
 
 def basis_of_modes(modes: Modes, n: int | None = None) -> ModalBasis:

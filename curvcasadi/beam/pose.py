@@ -21,10 +21,18 @@ from curvcasadi.symbolic.text import shown
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Pose:
-    """A local frame in a parent frame, T = (R, p). Fields may be CasADi expressions."""
+    """A local frame in a parent frame, T = (R, p). Fields may be CasADi expressions.
 
-    rotation: Number  #: R (3, 3), local to parent; its columns are the local axes
-    position: Number  #: p (3, 1), m, parent axes
+    Attributes
+    ----------
+    rotation : array or expression, shape (3, 3)
+        Rotation R from local to parent axes; its columns are the local axes.
+    position : array or expression, shape (3, 1)
+        Position p, m, parent axes.
+    """
+
+    rotation: Number
+    position: Number
 
     def __post_init__(self) -> None:
         for name, shape in (("rotation", (3, 3)), ("position", (3, 1))):
@@ -46,7 +54,13 @@ class Pose:
 
     @classmethod
     def identity(cls) -> Pose:
-        """The parent frame itself."""
+        """The parent frame itself.
+
+        Returns
+        -------
+        Pose
+            With the identity rotation at the origin.
+        """
         return cls(rotation=ca.DM.eye(3), position=ca.DM.zeros(3))
 
     @property
@@ -62,7 +76,13 @@ class Pose:
         )
 
     def inverse(self) -> Pose:
-        """The parent frame in the local frame: (Rᵀ, −Rᵀ p)."""
+        """The parent frame in the local frame, (Rᵀ, −Rᵀ p).
+
+        Returns
+        -------
+        Pose
+            Of the parent frame.
+        """
         return Pose(rotation=self.rotation.T, position=-(self.rotation.T @ self.position))
 
 

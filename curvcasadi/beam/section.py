@@ -38,22 +38,43 @@ _ROUNDING = 1e-9
 class Section:
     """Cross-section stiffness and mass about the local axes.
 
-    A field is a number, a CasADi symbol, or a function of xi = s/L that returns one; a function
+    Every field is a number, a CasADi symbol, or a function of xi = s/L that returns one; a function
     with jumps has `breaks`, as `Steps` has.
+
+    Attributes
+    ----------
+    GJ : float, symbol or callable
+        Torsional rigidity, N m².
+    EI_y : float, symbol or callable
+        Out-of-plane bending rigidity, N m².
+    EI_z : float, symbol or callable
+        In-plane bending rigidity, N m².
+    coupling_xy : float, symbol or callable
+        Coupling of torsion with out-of-plane bending, N m².
+    coupling_xz : float, symbol or callable
+        Coupling of torsion with in-plane bending, N m².
+    coupling_yz : float, symbol or callable
+        Coupling of out-of-plane with in-plane bending, N m².
+    mass_per_length : float, symbol, callable or None
+        Mass per length, kg/m; None where no model uses it.
+    inertia : array, symbol, callable or None, shape (3, 3)
+        Inertia per length about the centre of mass, local axes, kg m.
+    center_of_mass : array, symbol or callable, shape (3,)
+        Centre of mass from the reference curve, local axes, m.
+    breaks : tuple of float
+        Interior stations at which a field jumps; those of `Steps` are added.
     """
 
-    GJ: Number  #: torsional rigidity, N m²
-    EI_y: Number  #: out-of-plane bending rigidity, N m²
-    EI_z: Number  #: in-plane bending rigidity, N m²
-    coupling_xy: Number = 0.0  #: torsion with out-of-plane bending, N m²
-    coupling_xz: Number = 0.0  #: torsion with in-plane bending, N m²
-    coupling_yz: Number = 0.0  #: out-of-plane with in-plane bending, N m²
-    mass_per_length: Number | None = None  #: kg/m; None where no model uses it
-    inertia: Number | None = None  #: (3, 3) about the centre of mass, kg m
-    center_of_mass: Number = (0.0, 0.0, 0.0)  #: (3,) from the reference curve, m
-    breaks: tuple[
-        float, ...
-    ] = ()  #: interior xi at which a field jumps; those of `Steps` are added
+    GJ: Number
+    EI_y: Number
+    EI_z: Number
+    coupling_xy: Number = 0.0
+    coupling_xz: Number = 0.0
+    coupling_yz: Number = 0.0
+    mass_per_length: Number | None = None
+    inertia: Number | None = None
+    center_of_mass: Number = (0.0, 0.0, 0.0)
+    breaks: tuple[float, ...] = ()
 
     _quantities: dict[str, Along] = field(init=False, repr=False)
     _uniform: AnyExpr | None = field(init=False, repr=False, default=None)
@@ -75,12 +96,19 @@ class Section:
 
     @classmethod
     def from_stiffness(cls, stiffness: Number, **mass: Number) -> Section:
-        """A section with a full stiffness (3, 3), N m²: symmetric and positive definite.
+        """A section with a full stiffness matrix, symmetric and positive definite.
 
         Parameters
         ----------
-        stiffness : numbers, a symbol, or a function of xi, rows and columns K_x, K_y, K_z
-        mass : `mass_per_length`, `inertia`, `center_of_mass`
+        stiffness : array, symbol or callable, shape (3, 3)
+            Stiffness, N m², or a function of xi that returns it; rows and columns K_x, K_y, K_z.
+        **mass : float, array, symbol or callable
+            The fields `mass_per_length`, `inertia` and `center_of_mass`.
+
+        Returns
+        -------
+        Section
+            With that stiffness.
         """
 
         whole = Along("stiffness", stiffness, partial(symmetric, definite=True)).value
@@ -112,7 +140,18 @@ class Section:
         }
 
     def stiffness(self, xi: float) -> AnyExpr:
-        """Stiffness (3, 3), N m², local axes: moment = stiffness (K − K_0)."""
+        """Stiffness (3, 3), N m², local axes: moment = stiffness (K − K_0).
+
+        Parameters
+        ----------
+        xi : float
+            Station s/L in [0, 1].
+
+        Returns
+        -------
+        SX, MX or DM, shape (3, 3)
+            Stiffness, N m², local axes.
+        """
         if self._uniform is not None:
             return type(self._uniform)(self._uniform)
         rows: list[list[Any]] = [[0.0] * 3 for _ in range(3)]
@@ -125,15 +164,48 @@ class Section:
         return ca.vertcat(*(ca.horzcat(*row) for row in rows))
 
     def mass_at(self, xi: float) -> Number:
-        """Mass per length, kg/m."""
+        """Mass per length, kg/m.
+
+        Parameters
+        ----------
+        xi : float
+            Station s/L in [0, 1].
+
+        Returns
+        -------
+        float or symbol
+            Mass per length, kg/m.
+        """
         return self._needed("mass_per_length", "kg/m")(xi)
 
     def inertia_at(self, xi: float) -> AnyExpr:
-        """Inertia per length (3, 3) about the centre of mass, kg m, local axes."""
+        """Inertia per length about the centre of mass.
+
+        Parameters
+        ----------
+        xi : float
+            Station s/L in [0, 1].
+
+        Returns
+        -------
+        SX, MX or DM, shape (3, 3)
+            Inertia per length, kg m, local axes.
+        """
         return self._needed("inertia", "shape (3, 3), kg m")(xi)
 
     def center_of_mass_at(self, xi: float) -> AnyExpr:
-        """Centre of mass (3, 1) from the reference curve, m, local axes."""
+        """Centre of mass from the reference curve.
+
+        Parameters
+        ----------
+        xi : float
+            Station s/L in [0, 1].
+
+        Returns
+        -------
+        SX, MX or DM, shape (3, 1)
+            Centre of mass, m, local axes.
+        """
         return self._quantities["center_of_mass"](xi)
 
     def _needed(self, name: str, expected: str) -> Along:
@@ -144,12 +216,24 @@ class Section:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Body:
-    """A rigid body fixed to the beam at a station."""
+    """A rigid body fixed to the beam at a station.
 
-    xi: float  #: station s/L
-    mass: Number  #: kg
-    inertia: Number = field(default_factory=lambda: np.zeros((3, 3)))  #: about its centre, kg m²
-    offset: Number = (0.0, 0.0, 0.0)  #: its centre from the reference curve, m, local axes
+    Attributes
+    ----------
+    xi : float
+        Station s/L in [0, 1].
+    mass : float or symbol
+        Mass, kg.
+    inertia : array or symbol, shape (3, 3)
+        Inertia about the body's centre of mass, local axes, kg m².
+    offset : array or symbol, shape (3,)
+        Centre of mass from the reference curve, local axes, m.
+    """
+
+    xi: float
+    mass: Number
+    inertia: Number = field(default_factory=lambda: np.zeros((3, 3)))
+    offset: Number = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         own_fields(self)
@@ -160,10 +244,21 @@ class Body:
 
 
 def condense_axial(stiffness: Number) -> Array:
-    """Stiffness (3, 3) of an inextensible beam from one with axial strain (4, 4).
+    """Stiffness of an inextensible beam from one with axial strain.
 
-    Rows and columns ε, K_x, K_y, K_z; the axial force is zero: S_KK − S_Kε S_εK/S_εε. Leaving the
-    axial strain out instead makes a beam whose reference curve is not its tension axis too stiff.
+    Rows and columns are ε, K_x, K_y, K_z. The axial force is zero: S_KK − S_Kε S_εK/S_εε. To leave
+    out the axial strain instead makes a beam whose reference curve is not its tension axis too
+    stiff.
+
+    Parameters
+    ----------
+    stiffness : array, shape (4, 4)
+        Symmetric, positive definite stiffness of the axial strain and the three curvatures.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        Stiffness of the curvatures, N m².
     """
     matrix = symmetric("stiffness", stiffness, size=4, definite=True).full()
     return np.asarray(matrix[1:, 1:] - np.outer(matrix[1:, 0], matrix[0, 1:]) / matrix[0, 0])

@@ -41,7 +41,17 @@ def kinematic_model(
 
     Parameters
     ----------
-    time_constant : s, one number or one per weight
+    beam : Beam
+        Wing with numeric fields.
+    time_constant : float or array
+        Time constant, s, one number or one per weight.
+    curvature_stations : sequence of float
+        Stations s/L whose curvature is an output.
+
+    Returns
+    -------
+    ControlModel
+        With the parts above.
     """
     symbols = instance("beam", beam, Beam).design_symbols
     if symbols:

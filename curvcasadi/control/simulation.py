@@ -59,7 +59,18 @@ class Simulation:
     message: str
 
     def part(self, name: str) -> Array:
-        """Rows (size, T) of one part of state, output, input or parameter, by its name."""
+        """Rows of one part of state, output, input or parameter.
+
+        Parameters
+        ----------
+        name : str
+            Name of the part.
+
+        Returns
+        -------
+        ndarray, shape (size, T)
+            One column per time.
+        """
         model = self.model
         layouts = [(model.x, self.x), (model.y, self.y), (model.u, self.u), (model.p, self.p)]
         for layout, values in layouts:
@@ -118,6 +129,7 @@ def simulate(
     Returns
     -------
     Simulation
+        Motion at the times asked for.
 
     Raises
     ------

@@ -28,13 +28,17 @@ def body_jacobian(beam: Beam, q: AnyExpr, xi: float = 1.0) -> AnyExpr:
 
     Parameters
     ----------
-    q : (n, 1) SX, MX, DM or numbers, rad/m
-    xi : numeric station in [0, 1], on or off the grid
+    beam : Beam
+        Beam whose Jacobian is asked for.
+    q : SX, MX, DM or array, shape (n, 1)
+        Curvature weights, rad/m.
+    xi : float
+        Station s/L in [0, 1], on or off the grid.
 
     Returns
     -------
-    (6, n)
-        Angular rows (m) first, then linear (m²), local axes of the station, at the station.
+    SX, MX or DM, shape (6, n)
+        Angular rows (m) first, then linear ones (m²), in the local axes of the station.
 
     Raises
     ------

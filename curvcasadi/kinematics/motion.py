@@ -25,11 +25,27 @@ from curvcasadi.symbolic.expressions import AnyExpr, expression, same_kind, stat
 
 
 def body_jacobian_rate(beam: Beam, q: AnyExpr, q_dot: AnyExpr, xi: float = 1.0) -> AnyExpr:
-    """Rate of the body Jacobian along `q_dot` (n, 1), rad/(m s): (6, n), axes of `body_jacobian`.
+    """Rate of the body Jacobian along rates of the weights.
 
     With V = [A; B] q_dot the spatial twist of the station:
 
         dJ/dt = Ad(T⁻¹) (d[A; B]/dt − ad(V) [A; B])
+
+    Parameters
+    ----------
+    beam : Beam
+        Beam whose Jacobian is asked for.
+    q : SX, MX, DM or array, shape (n, 1)
+        Curvature weights, rad/m.
+    q_dot : SX, MX, DM or array, shape (n, 1)
+        Rates of the weights, rad/(m s).
+    xi : float
+        Station s/L in [0, 1], on or off the grid.
+
+    Returns
+    -------
+    SX, MX or DM, shape (6, n)
+        Time derivative of `body_jacobian`, in the same axes.
     """
     q, q_dot = _weights_and_rate(beam, q, q_dot)
     beam_chain = chain.build(beam, (station("xi", xi),))
@@ -50,14 +66,27 @@ def body_twist(
     xi: float = 1.0,
     root_twist: AnyExpr | None = None,
 ) -> AnyExpr:
-    """Body twist (Ω, v), (6, 1), of the station `xi`: rad/s and m/s, its local axes.
+    """Body twist (Ω, v) of a station.
 
     Parameters
     ----------
-    q, q_dot : (n, 1), rad/m and rad/(m s)
-    root_twist : (6, 1), the root's own body twist, root axes, the parent's motion included; without
-        it the twist is relative to the root. With it the first three rows are what a rate gyro
-        strapped to the station reads, Omega of Eq. 1 and the root's rate in local axes.
+    beam : Beam
+        Beam that moves.
+    q : SX, MX, DM or array, shape (n, 1)
+        Curvature weights, rad/m.
+    q_dot : SX, MX, DM or array, shape (n, 1)
+        Rates of the weights, rad/(m s).
+    xi : float
+        Station s/L in [0, 1], on or off the grid.
+    root_twist : SX, MX, DM or array, shape (6, 1), optional
+        The root's own body twist, root axes, the parent's motion included; without it the twist is
+        relative to the root. With it the first three rows are what a rate gyro strapped to the
+        station reads: Omega of Eq. 1 and the root's rate in local axes.
+
+    Returns
+    -------
+    SX, MX or DM, shape (6, 1)
+        Angular rate, rad/s, and velocity, m/s, in the local axes of the station.
     """
     q, q_dot = _weights_and_rate(beam, q, q_dot)
     beam_chain = chain.build(beam, (station("xi", xi),))

@@ -45,17 +45,22 @@ def tip_function(
 
     Parameters
     ----------
-    form : "compact" (MX, a chain of calls: small C, least memory) or "unrolled" (SX: fastest in
-        CasADi's virtual machine)
-    parameters : design symbols in the fields of `beam` (length, root, initial curvature), by the
-        name of their input; MX for the compact form, SX for the unrolled one
-    jacobian : adds an output "jacobian", the body Jacobian (6, n). It is a value only: its own
+    beam : Beam
+        Beam whose tip pose is asked for.
+    form : {"compact", "unrolled"}
+        "compact" is a chain of calls in MX (small C, least memory), "unrolled" is SX (fastest in
+        CasADi's virtual machine).
+    parameters : mapping of str to symbol, optional
+        Design symbols in the fields of `beam` (length, root, initial curvature), by the name of
+        their input; MX for the compact form, SX for the unrolled one.
+    jacobian : bool
+        Whether to add an output "jacobian", the body Jacobian (6, n). It is a value only: its own
         derivatives are NaN, never silently zero.
 
     Returns
     -------
     casadi.Function
-        position (3, 1), m, and rotation (3, 3), local to parent. The structured Jacobian is
+        Outputs position (3, 1), m, and rotation (3, 3), local to parent. The structured Jacobian is
         attached for every input; the approximate exponentials, which leave SO(3), have none, and
         CasADi differentiates their chain. Like every `casadi.Function` it takes any numbers: weight
         bounds and element angles are checked by `shape_map`, not here.
@@ -76,10 +81,27 @@ def pose_function(
     parameters: Mapping[str, AnyExpr] | None = None,
     jacobian: bool = False,
 ) -> ca.Function:
-    """Poses of M numeric stations: q, parameters … -> position (3, M), rotation (3, 3 M).
+    """Poses of M numeric stations, q, parameters … -> position (3, M), rotation (3, 3 M).
 
-    Columns stand in the order of `stations`; otherwise, `tip_function`. With `jacobian` a third
-    output stacks the body Jacobians, (6 M, n).
+    Columns stand in the order of `stations`.
+
+    Parameters
+    ----------
+    name : str
+        Name of the Function, also in generated C.
+    beam : Beam
+        Beam whose poses are asked for.
+    stations : sequence of float
+        Stations s/L in [0, 1], on or off the grid.
+    form, parameters : optional
+        As of `tip_function`.
+    jacobian : bool
+        Whether to add an output "jacobian", the body Jacobians on top of each other (6 M, n).
+
+    Returns
+    -------
+    casadi.Function
+        As that of `tip_function`.
     """
     function_name("name", name)
     instance("beam", beam, Beam)

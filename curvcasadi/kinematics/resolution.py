@@ -30,12 +30,20 @@ def elements_for(
 
     Parameters
     ----------
-    beam : with `weight_bounds`; kind, rule and exponential of its uniform or Lobatto grid are kept
-    angle : largest angle of an element, rad: the paper's h max|K| ≤ angle; `Grid.max_angle` unless
-        given
-    tip_tolerance : largest error of the tip position, m, that the rule may leave. Estimated against
-        four times as many elements on the corners of the weight box, where the strongest bending is
-        (all 2^n, or 512 of them improved by single flips), and kept below half of the tolerance.
+    beam : Beam
+        With `weight_bounds`; kind, rule and exponential of its uniform or Lobatto grid are kept.
+    angle : float, optional
+        Largest angle of an element, rad: the paper's h max|K| ≤ angle. `Grid.max_angle` unless
+        given.
+    tip_tolerance : float, optional
+        Largest error of the tip position, m, that the rule may leave. It is estimated against four
+        times as many elements on the corners of the weight box, where the strongest bending is (all
+        2^n, or 512 of them improved by single flips), and kept below half of the tolerance.
+
+    Returns
+    -------
+    Grid
+        The grid of `beam` with another number of elements.
 
     Raises
     ------

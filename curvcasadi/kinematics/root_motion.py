@@ -38,15 +38,26 @@ class RootMotion:
     """How the root moves in inertial axes. The defaults are a beam clamped to the ground.
 
     Fields may be symbols. For a wing of an aircraft `pose` is that of the body axes.
+
+    Attributes
+    ----------
+    pose : Pose
+        Pose of the parent axes in inertial axes.
+    twist : array or symbol, shape (6, 1)
+        The root's own body twist, rad/s and m/s, root axes, the parent's motion included.
+    twist_rate : array or symbol, shape (6, 1)
+        Time derivative of the components of `twist`, rad/s² and m/s².
+    gravity : array, symbol or None, shape (3, 1)
+        Acceleration of gravity, m/s², inertial axes.
+    magnetic_field : array, symbol or None, shape (3, 1)
+        Magnetic field, T, inertial axes.
     """
 
-    pose: Pose = field(default_factory=Pose.identity)  #: of the parent, in inertial axes
-    #: (6, 1), rad/s and m/s: the root's own body twist, root axes, the parent's motion included
+    pose: Pose = field(default_factory=Pose.identity)
     twist: Number = field(default_factory=_rest)
-    #: (6, 1), rad/s² and m/s²: time derivative of the components of `twist`
     twist_rate: Number = field(default_factory=_rest)
-    gravity: Number | None = None  #: acceleration (3, 1), m/s², inertial axes
-    magnetic_field: Number | None = None  #: (3, 1), T, inertial axes
+    gravity: Number | None = None
+    magnetic_field: Number | None = None
 
     def __post_init__(self) -> None:
         own_fields(self)
@@ -66,7 +77,18 @@ class RootMotion:
         return {name: v for name, v in values.items() if v is not None and not is_numeric(v)}
 
     def with_inputs(self, values: Mapping[str, AnyExpr]) -> RootMotion:
-        """The same with `values` of some of `ROOT_INPUTS`."""
+        """The same with `values` of some of `ROOT_INPUTS`.
+
+        Parameters
+        ----------
+        values : mapping of str to expression
+            Any of "attitude" (3, 3), "position" (3, 1), "twist" and "twist_rate" (6, 1).
+
+        Returns
+        -------
+        RootMotion
+            With these values in place of its own.
+        """
         return RootMotion(
             pose=Pose(
                 rotation=values.get("attitude", self.pose.rotation),

@@ -18,11 +18,21 @@ from curvcasadi.symbolic.text import described, shown
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shape:
-    """Poses and curvatures at the stations of a beam."""
+    """Poses and curvatures at the stations of a beam.
 
-    stations: Array  #: xi (N + 1,)
-    poses: tuple[Pose, ...]  #: N + 1 poses, local to parent
-    curvatures: AnyExpr  #: K (3, N + 1), rad/m, local axes
+    Attributes
+    ----------
+    stations : array, shape (N + 1,)
+        Stations s/L of the element boundaries.
+    poses : tuple of Pose
+        N + 1 poses, local to parent axes.
+    curvatures : SX, MX or DM, shape (3, N + 1)
+        Curvatures K, rad/m, local axes, one station per column.
+    """
+
+    stations: Array
+    poses: tuple[Pose, ...]
+    curvatures: AnyExpr
 
     def __repr__(self) -> str:
         return f"<Shape at {len(self.stations)} stations, tip at {shown(self.tip.position, 'm')}>"
@@ -58,7 +68,10 @@ def shape_map(beam: Beam, q: AnyExpr) -> Shape:
 
     Parameters
     ----------
-    q : (n, 1) SX, MX, DM or numbers, rad/m
+    beam : Beam
+        Beam whose shape is asked for.
+    q : SX, MX, DM or array, shape (n, 1)
+        Curvature weights, rad/m.
 
     Returns
     -------
@@ -85,16 +98,45 @@ def unchecked_shape(beam: Beam, q: AnyExpr) -> Shape:
 
 
 def pose_at(beam: Beam, q: AnyExpr, xi: float) -> Pose:
-    """Pose at any numeric station `xi` in [0, 1], on or off the grid, local to parent.
+    """Pose at any numeric station in [0, 1], on or off the grid.
 
     Within an element the rule integrates from the element's start to `xi`: the order is kept.
+
+    Parameters
+    ----------
+    beam : Beam
+        Beam whose pose is asked for.
+    q : SX, MX, DM or array, shape (n, 1)
+        Curvature weights, rad/m.
+    xi : float
+        Station s/L in [0, 1].
+
+    Returns
+    -------
+    Pose
+        Local to parent axes, of the kind of `q`.
     """
     xi = station("xi", xi)
     return poses(beam, checked_weights(beam, q), [xi])[0]
 
 
 def curvature(beam: Beam, q: AnyExpr, xi: float) -> AnyExpr:
-    """K(xi) = K_0(xi) + Φ(xi) q (Eq. 3), (3, 1), rad/m, local axes; for any weights."""
+    """Curvature of a station, K(xi) = K_0(xi) + Φ(xi) q (Eq. 3), for any weights.
+
+    Parameters
+    ----------
+    beam : Beam
+        Beam whose curvature is asked for.
+    q : SX, MX, DM or array, shape (n, 1)
+        Curvature weights, rad/m.
+    xi : float
+        Station s/L in [0, 1].
+
+    Returns
+    -------
+    SX, MX or DM, shape (3, 1)
+        Curvature (K_x, K_y, K_z), rad/m, local axes.
+    """
     return _curvature(beam, expression("q", q, (beam.basis.n, 1)), station("xi", xi))
 
 
@@ -104,10 +146,22 @@ def _curvature(beam: Beam, q: AnyExpr, xi: float) -> AnyExpr:
 
 
 def squared_element_angles(beam: Beam, q: AnyExpr) -> AnyExpr:
-    """Squared angles (N, 1), rad², by which the elements turn.
+    """Squared angles by which the elements turn.
 
     A bound for NLPs, `squared_element_angles(beam, q) <= beam.grid.max_angle**2`: unlike the angle
     itself it has derivatives at the straight wing.
+
+    Parameters
+    ----------
+    beam : Beam
+        Beam with N elements.
+    q : SX, MX, DM or array, shape (n, 1)
+        Curvature weights, rad/m.
+
+    Returns
+    -------
+    SX, MX or DM, shape (N, 1)
+        Squared angles, rad².
     """
     return element_angles(beam, checked_weights(beam, q))
 

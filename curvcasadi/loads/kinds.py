@@ -24,9 +24,15 @@ from curvcasadi.symbolic.expressions import AnyExpr, Number, choice, station
 
 @dataclass(frozen=True, eq=False)
 class Gravity(Load):
-    """Weight of the sections (mass per length, centre of mass) and bodies of a beam."""
+    """Weight of the sections (mass per length, centre of mass) and bodies of a beam.
 
-    acceleration: Number  #: (3,), m/s², inertial axes
+    Attributes
+    ----------
+    acceleration : array or symbol, shape (3,)
+        Acceleration of gravity, m/s², inertial axes.
+    """
+
+    acceleration: Number
 
     def __post_init__(self) -> None:
         _check(self, "acceleration")
@@ -51,13 +57,25 @@ class Gravity(Load):
 
 @dataclass(frozen=True, eq=False)
 class PointForce(Load):
-    """A force at a station. "dead": fixed inertial direction; "follower": fixed in local axes;
-    "body": fixed in the parent (an aircraft's body axes)."""
+    """A force at a station.
 
-    xi: float  #: station s/L
-    force: Number  #: (3,), N, axes as `frame` says
+    Attributes
+    ----------
+    xi : float
+        Station s/L in [0, 1].
+    force : array or symbol, shape (3,)
+        Force, N, in the axes that `frame` names.
+    frame : {"dead", "follower", "body"}
+        "dead" is a fixed inertial direction, "follower" is fixed in the local axes of the station,
+        and "body" in the parent axes, those of an aircraft's body.
+    offset : array or symbol, shape (3,)
+        Point of action from the reference curve, m, local axes.
+    """
+
+    xi: float
+    force: Number
     frame: Frame = "dead"
-    offset: Number = (0.0, 0.0, 0.0)  #: where it acts from the reference curve, m, local axes
+    offset: Number = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "xi", station("PointForce.xi", self.xi))
@@ -78,10 +96,20 @@ class PointForce(Load):
 
 @dataclass(frozen=True, eq=False)
 class PointMoment(Load):
-    """A moment at a station; frames as of `PointForce`. A dead moment has no potential."""
+    """A moment at a station. A dead moment has no potential.
 
-    xi: float  #: station s/L
-    moment: Number  #: (3,), N m, axes as `frame` says
+    Attributes
+    ----------
+    xi : float
+        Station s/L in [0, 1].
+    moment : array or symbol, shape (3,)
+        Moment, N m, in the axes that `frame` names.
+    frame : {"dead", "follower", "body"}
+        As of `PointForce`.
+    """
+
+    xi: float
+    moment: Number
     frame: Frame = "dead"
 
     def __post_init__(self) -> None:
@@ -103,11 +131,22 @@ class PointMoment(Load):
 
 @dataclass(frozen=True, eq=False)
 class DistributedForce(Load):
-    """A force per length along the whole span; frames as of `PointForce`."""
+    """A force per length along the whole span.
 
-    force: Number  #: (3,), N/m, or a function of xi; one with jumps has `breaks`
+    Attributes
+    ----------
+    force : array, symbol or callable, shape (3,)
+        Force per length, N/m, in the axes that `frame` names, or a function of xi that returns it;
+        one with jumps has `breaks`.
+    frame : {"dead", "follower", "body"}
+        As of `PointForce`.
+    offset : array or symbol, shape (3,)
+        Points of action from the reference curve, m, local axes.
+    """
+
+    force: Number
     frame: Frame = "dead"
-    offset: Number = (0.0, 0.0, 0.0)  #: where it acts from the reference curve, m, local axes
+    offset: Number = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         choice("DistributedForce.frame", self.frame, FRAMES)
@@ -126,9 +165,18 @@ class DistributedForce(Load):
 
 @dataclass(frozen=True, eq=False)
 class DistributedMoment(Load):
-    """A moment per length along the whole span; frames as of `PointForce`."""
+    """A moment per length along the whole span.
 
-    moment: Number  #: (3,), N, or a function of xi; one with jumps has `breaks`
+    Attributes
+    ----------
+    moment : array, symbol or callable, shape (3,)
+        Moment per length, N, in the axes that `frame` names, or a function of xi that returns it;
+        one with jumps has `breaks`.
+    frame : {"dead", "follower", "body"}
+        As of `PointForce`.
+    """
+
+    moment: Number
     frame: Frame = "dead"
 
     def __post_init__(self) -> None:

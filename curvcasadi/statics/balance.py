@@ -27,13 +27,24 @@ from curvcasadi.symbolic.expressions import AnyExpr, expression, same_kind
 def generalized_force(
     beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None = None
 ) -> AnyExpr:
-    """Virtual work of `loads` on the weights, Q (n, 1), N m².
+    """Virtual work of loads on the weights.
 
     Parameters
     ----------
-    q : (n, 1) SX, MX, DM or numbers, rad/m
-    loads : of `curvcasadi.loads.kinds`; magnitudes may be symbols
-    attitude : (3, 3), parent to inertial axes, for dead loads and gravity; None if these agree
+    beam : Beam
+        Beam on which the loads act.
+    q : SX, MX, DM or array, shape (n, 1)
+        Curvature weights, rad/m.
+    loads : sequence of loads
+        Such as `Gravity` and `PointForce`; magnitudes may be symbols.
+    attitude : SX, MX, DM or array, shape (3, 3), optional
+        Rotation from parent to inertial axes, for dead loads and gravity; the identity unless
+        given.
+
+    Returns
+    -------
+    SX, MX or DM, shape (n, 1)
+        Generalized force Q, N m².
     """
     q = expression("q", q, (beam.basis.n, 1))
     return _passes(beam, q, loads, attitude, tangent=False).force
@@ -42,16 +53,52 @@ def generalized_force(
 def equilibrium_residual(
     beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None = None
 ) -> AnyExpr:
-    """r = S q − Q(q), (n, 1), N m²: zero in equilibrium. Arguments of `generalized_force`."""
+    """Elastic minus applied generalized force, r = S q − Q(q); zero in equilibrium.
+
+    Parameters
+    ----------
+    beam : Beam
+        With a section.
+    q : SX, MX, DM or array, shape (n, 1)
+        Curvature weights, rad/m.
+    loads : sequence of loads
+        As of `generalized_force`.
+    attitude : SX, MX, DM or array, shape (3, 3), optional
+        As of `generalized_force`.
+
+    Returns
+    -------
+    SX, MX or DM, shape (n, 1)
+        Residual, N m².
+    """
     return stiffness_matrix(beam) @ q - generalized_force(beam, q, loads, attitude)
 
 
 def equilibrium_tangent(
     beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None = None
 ) -> tuple[AnyExpr, AnyExpr]:
-    """Residual r (n, 1) and its derivative dr/dq (n, n), structured, by the same two passes.
+    """Residual of the equilibrium and its structured derivative, by the same two passes.
 
-    Unsymmetric where the loads have no potential: follower loads, and dead moments.
+    The derivative is unsymmetric where the loads have no potential: follower loads, and dead
+    moments.
+
+    Parameters
+    ----------
+    beam : Beam
+        With a section.
+    q : SX, MX, DM or array, shape (n, 1)
+        Curvature weights, rad/m.
+    loads : sequence of loads
+        As of `generalized_force`.
+    attitude : SX, MX, DM or array, shape (3, 3), optional
+        As of `generalized_force`.
+
+    Returns
+    -------
+    residual : SX, MX or DM, shape (n, 1)
+        Residual r, N m².
+    tangent : SX, MX or DM, shape (n, n)
+        Derivative dr/dq, N m³.
     """
     balanced = balance(beam, q, loads, attitude, tangent=True)
     return balanced.residual, balanced.residual_slope
@@ -60,9 +107,23 @@ def equilibrium_tangent(
 def root_wrench(
     beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None = None
 ) -> AnyExpr:
-    """Wrench (moment, force), (6, 1), that `loads` hand on to the root: Σ_k W_k.
+    """Wrench (moment, force) that loads hand on to the root, Σ_k W_k.
 
-    N m and N, parent axes, about the parent origin. Arguments of `generalized_force`.
+    Parameters
+    ----------
+    beam : Beam
+        Beam on which the loads act.
+    q : SX, MX, DM or array, shape (n, 1)
+        Curvature weights, rad/m.
+    loads : sequence of loads
+        As of `generalized_force`.
+    attitude : SX, MX, DM or array, shape (3, 3), optional
+        As of `generalized_force`.
+
+    Returns
+    -------
+    SX, MX or DM, shape (6, 1)
+        Moment, N m, about the parent origin and force, N, both in parent axes.
     """
     q = expression("q", q, (beam.basis.n, 1))
     return _passes(beam, q, loads, attitude, tangent=False).wrench

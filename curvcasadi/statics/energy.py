@@ -16,11 +16,19 @@ _EXTRA_POINTS = 12
 
 
 def strain_energy(beam: Beam, q: AnyExpr) -> AnyExpr:
-    """Strain energy U = ½ L ∫ (K − K_0)ᵀ C (K − K_0) dxi = ½ qᵀ S q, (1, 1), J; for any weights.
+    """Strain energy U = ½ L ∫ (K − K_0)ᵀ C (K − K_0) dxi = ½ qᵀ S q, for any weights.
 
     Parameters
     ----------
-    q : (n, 1) SX, MX, DM or numbers, rad/m
+    beam : Beam
+        With a section.
+    q : SX, MX, DM or array, shape (n, 1)
+        Curvature weights, rad/m.
+
+    Returns
+    -------
+    SX, MX or DM, shape (1, 1)
+        Strain energy, J.
 
     Raises
     ------

@@ -32,14 +32,32 @@ _CROSSING_STEP = 2e-3
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equilibrium:
-    """Weights at which the elastic moments balance the loads."""
+    """Weights at which the elastic moments balance the loads.
 
-    q: ca.DM  #: (n, 1), rad/m
+    Attributes
+    ----------
+    q : DM, shape (n, 1)
+        Curvature weights, rad/m.
+    shape : Shape
+        Shape at these weights.
+    residual_norm : float
+        Largest entry of S q − Q, N m².
+    iterations : int
+        Newton iterations, of all load steps.
+    load_steps : int
+        Number of load steps; 1 where the full load was solved at once.
+    load_factor : float
+        Part of the loads that is balanced; 1 for all.
+    message : str
+        What was found, in words.
+    """
+
+    q: ca.DM
     shape: Shape
-    residual_norm: float  #: largest entry of S q − Q, N m²
-    iterations: int  #: Newton iterations, of all load steps
-    load_steps: int  #: 1 where the full load was solved at once
-    load_factor: float = 1.0  #: part of the loads that is balanced
+    residual_norm: float
+    iterations: int
+    load_steps: int
+    load_factor: float = 1.0
     message: str = "the loads are balanced"
 
     @property
@@ -77,9 +95,20 @@ def solve_equilibrium(
 
     Parameters
     ----------
-    beam : numeric, with a section
-    q_guess : (n, 1), rad/m, near the equilibrium looked for; with it the full load is tried first
-    attitude : (3, 3), parent to inertial axes
+    beam : Beam
+        Numeric, with a section.
+    loads : sequence of loads
+        Such as `Gravity` and `PointForce`.
+    q_guess : array, shape (n, 1), optional
+        Weights near the equilibrium looked for, rad/m; with them the full load is tried first.
+    attitude : array, shape (3, 3), optional
+        Rotation from parent to inertial axes, for dead loads and gravity; the identity unless
+        given.
+
+    Returns
+    -------
+    Equilibrium
+        Weights, shape, and what it took to find them.
 
     Raises
     ------

@@ -45,12 +45,28 @@ def equilibrium_function(
 
     Parameters
     ----------
-    parameters : MX symbols in loads, attitude and section, by the name of their input
-    checked : adds outputs that tell by q alone whether it is an equilibrium, at most 1 where it is:
-        violation, the largest excess over weight bounds (rad/m) and squared element angles (rad²)
-        over 1e-6 (of a beam with `Grid(real="float")`: 1e-5), and stationarity, the largest entry
-        of the residual over 1e-8 (float: 1e-4) of the largest force, elastic, applied, or of a bend
-        of 1e-3 rad
+    beam : Beam
+        With a section.
+    loads : sequence of loads
+        Such as `Gravity` and `PointForce`; they may hold parameters.
+    parameters : mapping of str to MX, optional
+        Symbols in loads, attitude and section, by the name of their input.
+    attitude : MX or array, shape (3, 3), optional
+        Rotation from parent to inertial axes; the identity unless given.
+    name : str
+        Name of the Function, also in generated C.
+    max_iter : int
+        Newton steps at most.
+    checked : bool
+        Whether to add two outputs that are at most 1 where q is an equilibrium: violation, the
+        largest excess over weight bounds (rad/m) and squared element angles (rad²) over 1e-6 (of a
+        beam with `Grid(real="float")`: 1e-5), and stationarity, the largest entry of the residual
+        over 1e-8 (float: 1e-4) of the largest force, elastic, applied, or of a bend of 1e-3 rad.
+
+    Returns
+    -------
+    casadi.Function
+        Inputs q_guess (n, 1), rad/m, and the parameters; output q (n, 1), rad/m.
     """
     function_name("name", name)
     parameters = dict(parameters or {})

@@ -16,9 +16,17 @@ def function(
 
     Parameters
     ----------
-    name : name of the Function, also in generated C
-    inputs : symbols by name, in order
-    outputs : expressions of the inputs by name, in order
+    name : str
+        Name of the Function, also in generated C.
+    inputs : mapping of str to symbol
+        Symbols by name, in order.
+    outputs : mapping of str to expression
+        Expressions of the inputs by name, in order.
+
+    Returns
+    -------
+    casadi.Function
+        With these names.
 
     Raises
     ------

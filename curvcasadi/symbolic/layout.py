@@ -47,7 +47,13 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """The parts of a stacked column vector, in order."""
+    """The parts of a stacked column vector, in order.
+
+    Attributes
+    ----------
+    parts : tuple of Part
+        The parts, in the order in which they stand in the vector.
+    """
 
     parts: tuple[Part, ...]
 
@@ -97,14 +103,35 @@ class Layout:
         return lower, upper
 
     def split(self, vector: Expr) -> dict[str, Expr]:
-        """The parts (size, 1) of a vector (self.size, 1), by name."""
+        """The parts of a vector by name.
+
+        Parameters
+        ----------
+        vector : SX, MX, DM or array, shape (size, 1)
+            Stacked vector.
+
+        Returns
+        -------
+        dict of str to SX, MX, DM or array
+            Each part as a column.
+        """
         column = expression("vector", vector, (self.size, 1))
         edges: Any = [0, *(where.stop for where in self.slices.values())]
         pieces = ca.vertsplit(column, edges) if self.parts else []
         return dict(zip(self.slices, pieces, strict=True))
 
     def join(self, parts: Mapping[str, Expr]) -> Expr:
-        """The vector (self.size, 1) of named parts.
+        """The vector of named parts.
+
+        Parameters
+        ----------
+        parts : mapping of str to SX, MX, DM or array
+            Every part as a column.
+
+        Returns
+        -------
+        SX, MX, DM or array, shape (size, 1)
+            Stacked vector.
 
         Raises
         ------

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from tqdm import tqdm
-
 from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.aircraft.trim_problem import Hessian, Objective
 from curvcasadi.aircraft.trim_result import TrimResult
@@ -82,6 +80,8 @@ def trim_sweep(
 
     Without `throw` a speed at which nothing balances gives a result that says so.
     """
+    from tqdm import tqdm
+
     solver, guess, results = TrimSolver(aircraft, objective, hessian), None, []
     for speed in tqdm(speeds, desc="trim", unit="speed", disable=not progress):
         case = Case(speed, density, gravity, flight_path, tuple(free), inputs or {}, bounds or {})

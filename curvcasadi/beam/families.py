@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.polynomial import chebyshev, legendre
-from scipy.interpolate import BSpline as ScipyBSpline
-from scipy.interpolate import make_interp_spline
-from scipy.optimize import brentq
 
 from curvcasadi.symbolic.expressions import Array, choice, count, increasing_stations, numbers
 
@@ -171,6 +169,8 @@ class BSpline(_Counted):
         return tuple(k / segments for k in range(1, segments))
 
     def __call__(self, xi: float) -> Array:
+        from scipy.interpolate import BSpline as ScipyBSpline
+
         end = np.ones(self.degree + 1)
         knots = np.concatenate([0 * end, self.breaks, end])
         return np.asarray(ScipyBSpline(knots, np.eye(self.n), self.degree)(xi))
@@ -203,8 +203,11 @@ class CantileverModes(_Counted):
         )
 
 
+@cache
 def _cantilever_root(k: int) -> float:
     """k-th positive root, from 0, of cos β cosh β = −1."""
+    from scipy.optimize import brentq
+
     return float(
         brentq(
             lambda beta: np.cos(beta) + 1 / np.cosh(beta), k * np.pi, (k + 1) * np.pi, xtol=1e-15
@@ -255,6 +258,8 @@ class Tabulated:
         for name, array in (("xi", xi), ("values", values)):
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+        from scipy.interpolate import make_interp_spline
+
         object.__setattr__(self, "_spline", make_interp_spline(xi, values, k=self.degree))
 
     @property

@@ -12,12 +12,15 @@ rotations idea): the rotations that follow from them are exact for any weights, 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from curvcasadi.beam.basis import VectorBasis
 from curvcasadi.symbolic.expressions import Array, count, numbers
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 #: Curvature times length over the amplitude below which a mode counts as one of a rigid body, and
 #: the part of a curvature, over the largest, that must not follow from those of the other modes.
@@ -123,6 +126,8 @@ def round_trip_error(modes: Modes) -> Array:
 
 def spline(stations: Array, values: Array) -> CubicSpline:
     """Through values (M, 3, N), as a function of s with values (…, M, 3)."""
+    from scipy.interpolate import CubicSpline
+
     return CubicSpline(stations, values.transpose(2, 0, 1), bc_type="not-a-knot")
 
 

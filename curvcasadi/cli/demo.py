@@ -8,7 +8,6 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.grid import Grid
@@ -143,6 +142,8 @@ def _tip(beam: Beam, q: Array | ca.DM | tuple[float, ...]) -> Array:
 
 
 def _ode_tip(beam: Beam, q: Array) -> Array:
+    from scipy.integrate import solve_ivp
+
     root = beam.root.rotation.full()
 
     def slope(xi: float, y: Array) -> Array:

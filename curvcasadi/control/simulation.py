@@ -9,7 +9,6 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import casadi as ca
 import numpy as np
-from tqdm import tqdm
 
 from curvcasadi.control.implicit_midpoint import TOLERANCE, midpoint_solver
 from curvcasadi.control.model import ControlModel
@@ -139,6 +138,8 @@ def simulate(
         If a step does not converge or leaves the numbers; it names time and remedy, and `.result`
         is the simulation up to there.
     """
+    from tqdm import tqdm
+
     instance("model", model, ControlModel)
     choice("method", method, get_args(SimulationMethod))
     start, grid = stacked("x0", model.x, x0), increasing("times", times)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from tqdm import tqdm
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.kinematics.shape import poses
@@ -57,6 +56,8 @@ def shape_history(
         raise ValueError(f"weights: expected shape (T, {beam.basis.n}), found {weights.shape}")
     rows = [f"weights[{k}]" for k in range(len(weights))] if names is None else names
     xi = beam.stations if stations is None else np.array([station("stations", x) for x in stations])
+
+    from tqdm import tqdm
 
     shape = _shape_function(beam, xi)
     samples = tqdm(weights, desc="shapes", unit="sample", disable=not progress)

@@ -7,7 +7,6 @@ from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
-from scipy.optimize import least_squares
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.ocp.limits import Limits, Regularizer, regularizer_matrix, shape_limits
@@ -108,6 +107,8 @@ class ReachSolvers:
         Their squares hide what badly conditioned targets still miss. It knows the bounds of the
         weights alone: if it leaves other limits, `q` stays.
         """
+        from scipy.optimize import least_squares
+
         tolerances = self.problem.residuals.tolerances
         lower, upper = self.problem.bounds
         solution = least_squares(

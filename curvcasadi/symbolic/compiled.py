@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import atexit
-import hashlib
 import os
-import platform
 import re
 import shutil
 import subprocess
@@ -77,6 +75,8 @@ def compile_function(
             stacklevel=2,
         )
         return f
+    import hashlib
+
     levels = [f]
     for _ in range(derivatives):
         levels.append(levels[-1].jacobian())
@@ -189,6 +189,8 @@ def _build(source: str, library: Path, compiler: str) -> None:
 @cache
 def _identity(compiler: str) -> str:
     """What the code of a compiler depends on, beside its options and the source."""
+    import platform
+
     return f"{platform.platform()} {platform.machine()} {run([compiler, '--version'])}"
 
 

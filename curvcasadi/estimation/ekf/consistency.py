@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from curvcasadi.sensors import Channels
 from curvcasadi.symbolic.expressions import Array
@@ -29,6 +28,8 @@ class Tally:
     @staticmethod
     def of(channels: Channels) -> Tally:
         """One of nothing."""
+        from scipy.linalg import block_diag
+
         blocks = [
             np.eye(values.size) if values.size == residuals.size else np.ones((3, 9))
             for values, residuals in zip(

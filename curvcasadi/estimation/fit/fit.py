@@ -7,8 +7,6 @@ from typing import Any, get_args
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.stats import chi2
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.errors import ConvergenceError
@@ -132,9 +130,18 @@ def _prior(prior: tuple[Number, Number] | None, n: int) -> tuple[Array, Array] |
         return None
     if not isinstance(prior, tuple) or len(prior) != 2:
         raise ValueError(f"prior: expected a pair (mean, covariance), found {prior!r}")
+    from scipy.linalg import solve_triangular
+
     mean = numeric_array("prior mean", prior[0], (n, 1)).ravel()
     factor = np.linalg.cholesky(covariance_matrix("prior covariance", prior[1], n))
     return mean, np.asarray(solve_triangular(factor, np.eye(n), lower=True))
+
+
+def _chance(squares: float, freedom: int) -> float:
+    """Chance that a sum of `freedom` squares of standard normal numbers is at least `squares`."""
+    from scipy.special import chdtrc
+
+    return float(chdtrc(freedom, squares))
 
 
 def _best(problem: FitProblem, start: Array) -> tuple[Minimum, int]:
@@ -150,7 +157,7 @@ def _best(problem: FitProblem, start: Array) -> tuple[Minimum, int]:
     while len(found) <= _FURTHER_STARTS:
         best = min(found, key=lambda m: (not m.converged, m.cost))
         alike = [m for m in found if m.converged and m.cost <= best.cost * (1 + 1e-6)]
-        trusted = chi2.sf(2 * best.cost, readings) > _SUSPECT
+        trusted = _chance(2 * best.cost, readings) > _SUSPECT
         if best.converged and (trusted or len(alike) >= _ALIKE):
             break
         found.append(minimize(problem.linearize, random.uniform(lower, upper), bounds, length))
@@ -180,7 +187,7 @@ def _result(problem: FitProblem, best: Minimum, iterations: int) -> ShapeFit:
     names = [part.name for part in model.channels.layout.parts]
 
     too_bent = exceeded_limit(beam, q)
-    p_value = float(chi2.sf(squares, freedom)) if freedom else float("nan")
+    p_value = _chance(squares, freedom) if freedom else float("nan")
     loss_weights = dict(zip(names, np.where(there, weights, np.nan).tolist(), strict=True))
     message = fit_message(
         converged=best.converged,

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from curvcasadi.symbolic.expressions import Array
 
@@ -99,6 +98,8 @@ def _step(at: Linearization, room: tuple[Array, Array], damping: float) -> Array
     hidden = np.eye(n) - at.seen @ at.seen.T
     stack = np.vstack([at.slope @ (np.eye(n) - hidden), damped @ at.seen.T, size * hidden])
     right = np.concatenate([right, np.zeros(n)])
+    from scipy.optimize import lsq_linear
+
     # Bounds with no room between them are opened by rounding, which lsq_linear asks for.
     lower = np.minimum(room[0], -1e-15)
     upper = np.maximum(room[1], 1e-15)

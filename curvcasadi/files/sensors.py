@@ -30,6 +30,11 @@ _MOUNTING = {
         "rotation from sensor to local axes, a matrix or { rotation_vector = [...] }, rad",
     )
 }
+_REFERENCE = {
+    "reference": Key(
+        toml.TEXT, "shape at which it reads zero: `unloaded` or `straight`", default="unloaded"
+    )
+}
 _POSE = {
     "pose": Key(toml.table_of("position", "rotation"), "of the camera, parent axes, as [beam.root]")
 }
@@ -95,8 +100,9 @@ SENSORS = {
                 toml.list_of(toml.NUMBER, "y and z, m", 2), "of the point, local axes", "m"
             )
         },
+        _REFERENCE,
     ),
-    "shear_gauge": _keys("shear_gauge", "Torsion K_x.", "rad/m", "rad/m"),
+    "shear_gauge": _keys("shear_gauge", "Elastic torsion.", "rad/m", "rad/m", _REFERENCE),
     "marker": _keys("marker", "Position of a point, inertial axes.", "m", "m", _OFFSET),
     "camera": _keys(
         "camera", "Bearing to a point: image coordinates x/z and y/z.", "1", "1", _POSE, _OFFSET

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from math import sqrt
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
@@ -20,6 +20,7 @@ from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
     Number,
+    choice,
     expression,
     function_name,
     numbers,
@@ -70,6 +71,8 @@ class Sensor:
                 return checked_pose(where, value)
             case "bias":
                 return expression(where, np.zeros(size) if value is None else value, (size, 1))
+            case "reference":
+                return choice(where, value, REFERENCES)
             case "rate":
                 return float(positive_numbers(where, value, 1)[0])
         return positive_numbers(where, value, size)
@@ -164,13 +167,23 @@ class AttitudeSensor(Sensor):
     unit, residual_unit = "1", "rad"
 
 
+#: Shapes at which a gauge may read zero.
+REFERENCES = ("unloaded", "straight")
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StrainGauge(Sensor):
-    """Axial strain at a point (y, z) of the section: ε = K_y z − K_z y."""
+    """Axial strain at a point (y, z) of the section: ε = κ_y z − κ_z y with κ = K − K_0.
+
+    A gauge that is bonded to the unloaded wing reads zero there, pre-curved or not, and what it
+    measures is the strain that the strain energy counts. With `reference="straight"` it reads zero
+    on a straight wing, as a shape-sensing fibre that was calibrated before it was bonded: κ = K.
+    """
 
     offset: Number  #: (y, z), m, local axes
     noise: Number  #: standard deviation of one sample, m/m
     bias: Number = None  #: m/m; zero where None
+    reference: Literal["unloaded", "straight"] = "unloaded"  #: shape at which it reads zero
 
     prefix = "strain"
     components = residual_components = ("",)
@@ -180,10 +193,14 @@ class StrainGauge(Sensor):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ShearGauge(Sensor):
-    """Torsion K_x, rad/m: the shear strain of a gauge over its distance from the axis of twist."""
+    """Elastic torsion K_x − K_0x, rad/m: shear strain over the distance from the axis of twist.
+
+    With `reference="straight"` it reads K_x, built-in twist included.
+    """
 
     noise: Number  #: standard deviation of one sample, rad/m
     bias: Number = None  #: rad/m; zero where None
+    reference: Literal["unloaded", "straight"] = "unloaded"  #: shape at which it reads zero
 
     prefix = "shear"
     components = residual_components = ("",)

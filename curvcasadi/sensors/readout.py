@@ -187,8 +187,10 @@ class Readout:
 
     def _gauge(self, sensor: Any) -> AnyExpr:
         """Value of a strain gauge."""
-        curvatures = curvature(self.beam, self.motion.q, sensor.xi)
-        return _gauge_factors(sensor) @ curvatures + sensor.bias
+        strained = curvature(self.beam, self.motion.q, sensor.xi)
+        if sensor.reference == "unloaded":
+            strained = ca.sparsify(ca.DM(self.beam.basis(sensor.xi))) @ self.motion.q  # K − K_0
+        return _gauge_factors(sensor) @ strained + sensor.bias
 
     def _gauge_slopes(self, sensor: Any, columns: dict[str, int]) -> list[AnyExpr]:
         """Derivatives (1, size) of it by what `columns` names: by all but q they are zero."""

@@ -202,11 +202,27 @@ def test_a_magnetometer_reads_the_field_in_its_axes(beam):
     assert_allclose(read(MAGNETOMETER, beam), expected, atol=1e-17)  # rounding
 
 
-def test_strain_gauges_read_the_curvature(beam):
+@pytest.mark.parametrize("reference", ["unloaded", "straight"])
+def test_strain_gauges_read_the_curvature_beyond_that_of_their_reference(beam, reference):
     K = cc.curvature(beam, CURLED_WEIGHTS, 0.3).full()[:, 0]
+    K -= initial(0.3) if reference == "unloaded" else 0
     y, z = 0.1, -0.05
-    assert_allclose(read(STRAIN, beam), [K[1] * z - K[2] * y + 2e-6], rtol=1e-15)  # rounding
-    assert_allclose(read(SHEAR, beam), [K[0]], rtol=1e-15)  # rounding
+    strain, shear = (replace(gauge, reference=reference) for gauge in (STRAIN, SHEAR))
+    assert_allclose(read(strain, beam), [K[1] * z - K[2] * y + 2e-6], rtol=1e-13)  # rounding
+    assert_allclose(read(shear, beam), [K[0]], rtol=1e-13)  # rounding
+
+
+def test_gauges_bonded_to_the_unloaded_wing_read_zero_there(beam):
+    gauges = [replace(STRAIN, bias=None), SHEAR]
+    values = cc.measure(gauges, beam, np.zeros(beam.basis.n)).values.full()
+    assert np.all(values == 0)
+    fit = cc.fit_shape(beam, gauges, values, prior=(np.zeros(beam.basis.n), 0.1))
+    assert_allclose(fit.q.full(), 0, atol=1e-12)
+
+
+def test_the_reference_of_a_gauge_is_one_of_two():
+    with pytest.raises(ValueError, match=r"ShearGauge\.reference: expected one of"):
+        replace(SHEAR, reference="bent")
 
 
 def test_strain_is_the_stretch_of_a_fibre(beam):

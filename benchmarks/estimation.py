@@ -277,7 +277,7 @@ _DRIVER = """
 int main(void) {
   static curv_ekf_predict_out predicted;
   static curv_ekf_update_out now;
-  real_t least;
+  curv_real least;
   long step;
   int i, j, k;
   for (i = 0; i < STATE; ++i) now.state_after[i] = start[i];
@@ -322,10 +322,10 @@ def in_c(real: Real, steps: int, every: int, folder: Path) -> Array:
     (folder / "samples.h").write_text(
         f"#include <math.h>\n#define STATE 12\n#define FACTOR 78\n#define ROWS {samples.shape[1]}\n"
         f"#define STEPS {steps}L\n#define EVERY {every}\n"
-        f"static const real_t period = (real_t){DT};\n"
-        f"static const real_t start[] = {{{', '.join(map(_number, at.state))}}};\n"
-        f"static const real_t start_factor[] = {{{', '.join(map(_number, upper))}}};\n"
-        f"static const real_t samples[][{len(samples)}] = {{\n{rows}}};\n"
+        f"static const curv_real period = (curv_real){DT};\n"
+        f"static const curv_real start[] = {{{', '.join(map(_number, at.state))}}};\n"
+        f"static const curv_real start_factor[] = {{{', '.join(map(_number, upper))}}};\n"
+        f"static const curv_real samples[][{len(samples)}] = {{\n{rows}}};\n"
     )
     (folder / "driver.c").write_text(_DRIVER)
     sources = ["driver.c", "curv.c", "curv_functions.c"]
@@ -337,7 +337,7 @@ def in_c(real: Real, steps: int, every: int, folder: Path) -> Array:
 
 
 def _number(x: float) -> str:
-    return "(real_t)NAN" if np.isnan(x) else f"(real_t){float(x)!r}"
+    return "(curv_real)NAN" if np.isnan(x) else f"(curv_real){float(x)!r}"
 
 
 def _flapping(rows: int) -> tuple[Array, Array]:

@@ -80,7 +80,7 @@ def cases_header(real: str) -> str:
         sizes = [f.nnz_in(k) for k in range(f.n_in())]
         arguments = ", ".join(f"in[{k}]" for k in range(f.n_in()))
         lines += [
-            f"static curv_status call_{case.name}(real_t *const *in, void *work, void *out) {{",
+            f"static curv_status call_{case.name}(curv_real *const *in, void *work, void *out) {{",
             f"  return work ? {name}_with(work, {arguments}, out) : {name}({arguments}, out);",
             "}",
         ]

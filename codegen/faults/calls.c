@@ -18,10 +18,10 @@ enum { MOST_INPUTS = 8 };
 typedef struct {
   const char *name;
   int inputs;
-  size_t sizes[MOST_INPUTS]; /* real_t */
+  size_t sizes[MOST_INPUTS]; /* curv_real */
   size_t out, work;          /* bytes */
   /* The form `_with` where there is `work`, otherwise the plain one. */
-  curv_status (*call)(real_t *const *in, void *work, void *out);
+  curv_status (*call)(curv_real *const *in, void *work, void *out);
 } function_case;
 #include "cases.h"
 
@@ -48,16 +48,16 @@ static int untouched(const void *block, size_t size) {
   return 1;
 }
 
-static void read_record(const function_case *f, real_t **in, FILE *from, long call) {
+static void read_record(const function_case *f, curv_real **in, FILE *from, long call) {
   int k;
   for (k = 0; k < f->inputs; ++k) {
-    if (fread(in[k], sizeof(real_t), f->sizes[k], from) != f->sizes[k]) fail("no input", call);
+    if (fread(in[k], sizeof(curv_real), f->sizes[k], from) != f->sizes[k]) fail("no input", call);
   }
 }
 
-static void new_inputs(const function_case *f, real_t **in) {
+static void new_inputs(const function_case *f, curv_real **in) {
   int k;
-  for (k = 0; k < f->inputs; ++k) in[k] = memory(f->sizes[k] * sizeof(real_t));
+  for (k = 0; k < f->inputs; ++k) in[k] = memory(f->sizes[k] * sizeof(curv_real));
 }
 
 static double processor_time(void) {
@@ -66,7 +66,7 @@ static double processor_time(void) {
   return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
-static curv_status call(const function_case *f, real_t **in, void *work, void *out) {
+static curv_status call(const function_case *f, curv_real **in, void *work, void *out) {
   curv_status status;
   memset(out, UNTOUCHED, f->out);
   if (work) memset(work, UNTOUCHED, f->work); /* nothing may hang on what was in the buffers */
@@ -75,7 +75,7 @@ static curv_status call(const function_case *f, real_t **in, void *work, void *o
 }
 
 static void all_calls(const function_case *f, long count, long every, FILE *from, FILE *to) {
-  real_t *in[MOST_INPUTS];
+  curv_real *in[MOST_INPUTS];
   void *work = memory(f->work), *out = memory(f->out), *again = memory(f->out);
   double slowest = 0;
   long i;
@@ -101,7 +101,7 @@ static void all_calls(const function_case *f, long count, long every, FILE *from
 typedef struct {
   const function_case *f;
   long first, step, count;
-  real_t ***in;
+  curv_real ***in;
   unsigned char *statuses, *outs;
 } share;
 
@@ -116,7 +116,7 @@ static void *calls_of_a_thread(void *arguments) {
   return NULL;
 }
 
-static share new_share(const function_case *f, long count, real_t ***in) {
+static share new_share(const function_case *f, long count, curv_real ***in) {
   share s = {f, 0, 1, count, in, NULL, NULL};
   s.statuses = memory((size_t)count);
   s.outs = memory((size_t)count * f->out);
@@ -124,7 +124,7 @@ static share new_share(const function_case *f, long count, real_t ***in) {
 }
 
 static void threads(const function_case *f, long count, FILE *from) {
-  real_t ***in = memory((size_t)count * sizeof *in);
+  curv_real ***in = memory((size_t)count * sizeof *in);
   share alone, shares[2];
   pthread_t running[2];
   long i;

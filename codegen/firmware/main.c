@@ -19,15 +19,15 @@
 #define SETTLED 0.01f /* m, to the path at the end */
 
 /* Poses of the path at the ends of the stages of the MPC, and the oldest of them. */
-static real_t positions[3 * STAGES], rotations[9 * STAGES];
+static curv_real positions[3 * STAGES], rotations[9 * STAGES];
 
-static real_t q[N], q_dot[N], u[N], plan[CURV_TIP_PATH_STEP_N_GUESS];
-static const real_t no_disturbance[N];
+static curv_real q[N], q_dot[N], u[N], plan[CURV_TIP_PATH_STEP_N_GUESS];
+static const curv_real no_disturbance[N];
 
 /* The next pose of the stream becomes the last stage; numbers that are missing are NaN. 0: the end. */
 static int receive(FILE *stream) {
   char line[256], *at = line;
-  real_t pose[POSE];
+  curv_real pose[POSE];
   int i;
   if (!fgets(line, sizeof line, stream)) return 0;
   for (i = 0; i < POSE; ++i) {
@@ -66,11 +66,11 @@ static curv_status simulate(void) {
   return CURV_OK;
 }
 
-static real_t norm(const real_t x[3]) { return sqrtf(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]); }
+static curv_real norm(const curv_real x[3]) { return sqrtf(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]); }
 
 /* Speed of the tip: the lower half of its twist J q_dot. */
-static real_t speed(const curv_tip_out *tip) {
-  real_t velocity[3] = {0, 0, 0};
+static curv_real speed(const curv_tip_out *tip) {
+  curv_real velocity[3] = {0, 0, 0};
   int i, j;
   for (j = 0; j < N; ++j) {
     for (i = 0; i < 3; ++i) velocity[i] += tip->jacobian[6 * j + 3 + i] * q_dot[j];
@@ -82,7 +82,7 @@ int main(void) {
   static curv_tip_out tip;
   int counts[CURV_BAD_INPUT + 1] = {0}, ticks = 0, i;
   unsigned long worst = 0, instructions;
-  real_t goal[3], off = 0, fastest = 0;
+  curv_real goal[3], off = 0, fastest = 0;
   FILE *stream = fopen("path.txt", "r");
   if (!stream) {
     printf("path.txt is missing\n");

@@ -54,7 +54,7 @@ TAKEN = frozenset(
     isnan ldexp lgamma log log10 log1p log2 modf nan pow round signbit sin sinh sqrt tan tanh
     tgamma time trunc y0 y1 j0 j1 class new delete this template private public protected friend
     bool true false namespace using virtual operator try catch throw typename explicit mutable
-    export memset real_t all_finite all_within none_infinite
+    export memset all_finite all_within none_infinite
     DBL_MAX FLT_MAX HUGE_VAL INFINITY LARGEST NAN NULL UNTOUCHED""".split()
 )
 
@@ -169,7 +169,7 @@ def c_functions(functions: Any, beam: Beam | None) -> list[CFunction]:
     if len(set(names)) < len(names):
         raise ValueError(f"functions: expected different names, found {names}")
     for f in exported:
-        if f.name in TAKEN | {"status"} or f.name.startswith(("check_", "casadi_")):
+        if f.name in TAKEN | {"status", "real"} or f.name.startswith(("check_", "casadi_")):
             raise ValueError(
                 "functions: expected names other than C's keywords, those of its library, of "
                 f"CasADi and of the check program, found {f.name!r}"

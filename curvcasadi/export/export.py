@@ -23,7 +23,6 @@ _CALLERS = {
     True: "The plain forms share buffers in static memory: one caller of any of them at a time,\n"
     "   interrupts included.",
 }
-_SIZES = {"double": 8, "float": 4}
 
 
 def export_c(
@@ -42,7 +41,8 @@ def export_c(
     which returns a status and leaves `out` alone unless all is well); curv_functions.c and .h, what
     CasADi generated; check.c, the self-test; CMakeLists.txt and a toolchain file for Cortex-M;
     manifest.json. No recursion, no allocation, no static state but the buffers of the plain
-    wrappers. The same functions give the same bytes.
+    wrappers. The same functions give the same bytes. Compiled as a shared library in double
+    precision, curv_functions.c reads back through `casadi.external("curv_casadi_tip", library)`.
 
     Parameters
     ----------
@@ -51,7 +51,8 @@ def export_c(
     real : type of all numbers; for "float" build the model with `Grid(real="float")`
     beam : whose weights the inputs q and q_guess of plain Functions are: their wrappers refuse
         weights beyond its bounds or its largest element angle
-    name : prefix of the files and of all names in the header
+    name : prefix of the files and of all names in the header, such as the type curv_real of all
+        numbers: exports with different names, of either precision, go into one program
     shared_buffers : whether the plain calls share one piece of static memory, as large as the
         largest of them needs: then no two of them may run at once, as from an interrupt
     reference_inputs : by function name, the inputs at which the self-test compares; five
@@ -70,7 +71,7 @@ def export_c(
         If names collide, a symbol is left free, or CasADi has no self-contained C for a part of a
         function.
     """
-    choice("real", real, _SIZES)
+    choice("real", real, ("double", "float"))
     function_name("name", name)
     if name in TAKEN | TAKEN_FILES:
         raise ValueError(
@@ -106,7 +107,6 @@ def export_c(
         "PREFIX": name.upper(),
         "GUARD": name.upper(),
         "REAL": real,
-        "SIZE": _SIZES[real],
         "LARGEST": "FLT_MAX" if real == "float" else "DBL_MAX",
         "FUNCTIONS": ", ".join(f.name for f in exports),
         "DECLARATIONS": "\n".join(map(wrappers.declaration, wrapped)),
@@ -116,6 +116,7 @@ def export_c(
         "DEFINITIONS": "\n".join(wrappers.definition(w, shared=shared_buffers) for w in wrapped),
         "MACROS": generated.float_macros(),
         **self_test.fields(wrapped, reference_inputs or {}),
+        "REAL_TYPE": f"{name}_real",  # last: within what is filled in before
     }
     texts = {
         f"{name}.h": _filled("header.h.in", fields),

@@ -70,7 +70,7 @@ def _test(wrapper: Wrapper, given: Sequence[Sequence[Any]] | None) -> str:
     for k, (key, _, size) in enumerate(wrapper.inputs):
         i = export.function.index_in(key)
         rows = [_row(sample[i].nonzeros(), wrapper.real) for sample in samples]
-        lines.append(f"static const real_t {name}_in{k}[][{size}] = {{{', '.join(rows)}}};")
+        lines.append(f"static const @REAL_TYPE@ {name}_in{k}[][{size}] = {{{', '.join(rows)}}};")
     compared = [o for o in wrapper.outputs if o[0] not in (VIOLATION, STATIONARITY)]
     for k, (key, _, size) in enumerate(compared):
         rows = [_row(ca.DM(output[key]).nonzeros(), "double") for output in outputs]
@@ -129,9 +129,9 @@ def _bad_input(wrapper: Wrapper, arguments: list[str]) -> list[str]:
     call = f"{wrapper.name}({', '.join([*arguments, '&out'])})"
     return [
         "  {",
-        f"    static real_t bad[{size}];",
+        f"    static @REAL_TYPE@ bad[{size}];",
         f"    for (i = 0; i < {size}; ++i) bad[i] = {name}_in{k}[0][i];",
-        f"    bad[{size - 1}] = (real_t)NAN;",
+        f"    bad[{size - 1}] = (@REAL_TYPE@)NAN;",
         "    fill(&out, sizeof out);",
         f"    if ({call} != {wrapper.prefix.upper()}_BAD_INPUT) return wrong_status(-1, 0);",
         "    if (!untouched(&out, sizeof out)) return touched(-1);",

@@ -109,18 +109,18 @@ def declaration(wrapper: Wrapper) -> str:
     lines += [f"     out  {_described(export, key, 'out')}" for key, _, _ in wrapper.outputs]
     sizes = wrapper.sizes
     lines += [
-        f"   Buffers: {sizes['w']} real_t, {sizes['iw']} int, "
+        f"   Buffers: {sizes['w']} @REAL_TYPE@, {sizes['iw']} int, "
         f"{sizes['arg'] + sizes['res']} pointers and the outputs. */"
     ]
     lines += [f"#define {name.upper()}_N_{c.upper()} {size}" for _, c, size in wrapper.inputs]
     lines += ["typedef struct {"]
-    lines += [f"  real_t {_member(c, size)};" for _, c, size in wrapper.outputs]
+    lines += [f"  @REAL_TYPE@ {_member(c, size)};" for _, c, size in wrapper.outputs]
     lines += [f"}} {name}_out;", "typedef struct {"]
     lines += [
-        f"  const real_t *arg[{max(sizes['arg'], 1)}];",
-        f"  real_t *res[{max(sizes['res'], 1)}];",
+        f"  const @REAL_TYPE@ *arg[{max(sizes['arg'], 1)}];",
+        f"  @REAL_TYPE@ *res[{max(sizes['res'], 1)}];",
         f"  int iw[{max(sizes['iw'], 1)}];",
-        f"  real_t w[{max(sizes['w'], 1)}];",
+        f"  @REAL_TYPE@ w[{max(sizes['w'], 1)}];",
         f"  {name}_out out;",
         f"}} {name}_work;",
         f"{_head(wrapper, with_work=False)};",
@@ -164,7 +164,7 @@ def helpers(wrappers: Iterable[Wrapper]) -> str:
 
 _NO_INFINITY = """
 /* NaN stands for a missing sample. */
-static int none_infinite(const real_t *x, int n) {
+static int none_infinite(const @REAL_TYPE@ *x, int n) {
   int i;
   for (i = 0; i < n; ++i) {
     if (x[i] < -LARGEST || x[i] > LARGEST) return 0;
@@ -173,7 +173,8 @@ static int none_infinite(const real_t *x, int n) {
 }
 """
 _WITHIN = """
-static int all_within(const real_t *x, int n, const real_t *lower, const real_t *upper) {
+static int all_within(const @REAL_TYPE@ *x, int n, const @REAL_TYPE@ *lower,
+                      const @REAL_TYPE@ *upper) {
   int i;
   for (i = 0; i < n; ++i) {
     if (!(x[i] >= lower[i] && x[i] <= upper[i])) return 0;
@@ -248,7 +249,7 @@ def _output_checks(wrapper: Wrapper) -> list[str]:
 def _bounds(wrapper: Wrapper, key: str, beam: Beam) -> str:
     rows = zip(("lower", "upper"), beam.bounds, strict=True)
     return "".join(
-        f"static const real_t {wrapper.name}_{_c_name(key)}_{side}[{beam.basis.n}] = "
+        f"static const @REAL_TYPE@ {wrapper.name}_{_c_name(key)}_{side}[{beam.basis.n}] = "
         f"{{{', '.join(_literal(x, wrapper.real) for x in values)}}};\n"
         for side, values in rows
     )
@@ -264,7 +265,7 @@ def _literal(value: float, real: str) -> str:
 def _head(wrapper: Wrapper, *, with_work: bool) -> str:
     arguments = [f"{wrapper.name}_work *work"] if with_work else []
     arguments += [
-        f"const real_t {_member(c, size)}" if size > 1 else f"real_t {c}"
+        f"const @REAL_TYPE@ {_member(c, size)}" if size > 1 else f"@REAL_TYPE@ {c}"
         for _, c, size in wrapper.inputs
     ]
     arguments += [f"{wrapper.name}_out *out"]

@@ -39,23 +39,23 @@ enum {
 };
 static void show(const void *out, size_t size) {
   const unsigned char *bytes = out;
-  const real_t *numbers = out;
+  const curv_real *numbers = out;
   size_t i;
   for (i = 0; i < size && bytes[i] == 0x5A; ++i) {}
   printf(" %d", i == size);
-  for (i = 0; i < size / sizeof(real_t); ++i) printf(" %.17g", (double)numbers[i]);
+  for (i = 0; i < size / sizeof(curv_real); ++i) printf(" %.17g", (double)numbers[i]);
   printf("\\n");
 }
 int main(void) {
   static curv_ekf_predict_out predicted;
   static curv_ekf_update_out updated;
-  real_t in[X + P + M];
+  curv_real in[X + P + M];
   double number;
   int update, i;
   while (scanf("%d", &update) == 1) {
     for (i = 0; i < X + P + (update ? M : 1); ++i) {
       if (scanf("%lf", &number) != 1) return 1;
-      in[i] = (real_t)number;
+      in[i] = (curv_real)number;
     }
     memset(&predicted, 0x5A, sizeof predicted);
     memset(&updated, 0x5A, sizeof updated);

@@ -231,7 +231,7 @@ def test_the_header_stands_alone_and_may_be_included_twice(exported, tmp_path, l
     source = tmp_path / "caller.src"
     source.write_text(
         '#include "curv.h"\n#include "curv.h"\n'
-        "int main(void) { static curv_tip_out out; real_t q[CURV_TIP_N_Q] = {0};\n"
+        "int main(void) { static curv_tip_out out; curv_real q[CURV_TIP_N_Q] = {0};\n"
         "  return curv_tip(q, &out) != CURV_OK || out.position[0] != out.position[0]; }\n"
     )
     compiler, standard = ("g++", "c++11") if language == "c++" else ("gcc", "c99")
@@ -252,7 +252,7 @@ def test_two_exports_with_different_names_link_into_one_program(tmp_path):
         cc.export_c(cc.tip_function(beam), tmp_path / name, name=name, beam=beam)
     (tmp_path / "both.c").write_text(
         '#include "left.h"\n#include "right.h"\n'
-        "int main(void) { static left_tip_out a; static right_tip_out b; real_t q[5] = {0.01};\n"
+        "int main(void) { static left_tip_out a; static right_tip_out b; left_real q[5] = {0.01};\n"
         "  return left_tip(q, &a) || right_tip(q, &b) || a.position[2] != b.position[2]; }\n"
     )
     sources = [
@@ -262,12 +262,39 @@ def test_two_exports_with_different_names_link_into_one_program(tmp_path):
     assert subprocess.run([tmp_path / "both"], check=False).returncode == 0
 
 
-def test_two_precisions_in_one_program_are_refused(tmp_path):
+def test_exports_of_both_precisions_link_into_one_program_beside_other_names(tmp_path):
     for real in ("double", "float"):
         cc.export_c(cc.tip_function(_beam(real)), tmp_path / real, real=real, name=real[:3])
-    (tmp_path / "both.c").write_text('#include "double/dou.h"\n#include "float/flo.h"\n')
-    with pytest.raises(AssertionError, match="export all functions in one precision"):
-        _gcc(tmp_path, "-fsyntax-only", "both.c")
+    (tmp_path / "both.c").write_text(
+        "typedef long real_t; /* as headers of other solvers have it */\n"
+        '#include "dou.h"\n#include "flo.h"\n'
+        "int main(void) { static dou_tip_out a; static flo_tip_out b; real_t wrong = 0;\n"
+        "  dou_real q[5] = {0.01, 0.02, 0.03}; flo_real p[5] = {0.01f, 0.02f, 0.03f};\n"
+        "  double error;\n"
+        "  wrong = dou_tip(q, &a) || flo_tip(p, &b);\n"
+        "  error = a.position[2] - (double)b.position[2];\n"
+        "  return wrong || !(error * error < 1e-12 && error != 0); }\n"
+    )
+    sources = [f"{n}/{n[:3]}{part}.c" for n in ("double", "float") for part in ("", "_functions")]
+    _gcc(tmp_path, *STRICT, "-Idouble", "-Ifloat", "both.c", *sources, "-o", "both", "-lm")
+    assert subprocess.run([tmp_path / "both"], check=False).returncode == 0
+
+
+def test_an_exported_library_reads_back_into_casadi(tmp_path):
+    low = ca.MX.sym("low", ca.Sparsity.lower(3))
+    spread = ca.Function("spread", [low], [ca.densify(low), low.T], ["low"], ["full", "transposed"])
+    exports = [cc.tip_function(_beam("double")), spread]
+    cc.export_c(exports, tmp_path)
+    library = str(tmp_path / "read_back.so")
+    # With the warnings of -Wextra, among them those of constants that nothing uses.
+    _gcc(tmp_path, *STRICT, "-shared", "-fPIC", "curv_functions.c", "-o", library, "-lm")
+    for function, argument in zip(exports, (np.linspace(-0.05, 0.05, 5), ca.DM(3)), strict=True):
+        read = ca.external(f"curv_casadi_{function.name()}", library)
+        assert (read.name_in(), read.name_out()) == (function.name_in(), function.name_out())
+        for i in range(function.n_out()):
+            assert read.sparsity_out(i) == function.sparsity_out(i)
+        for found, expected in zip(read(argument), function(argument), strict=True):
+            np.testing.assert_allclose(found, expected, atol=1e-13)  # rounding
 
 
 def test_the_manifest_has_the_hash_and_the_version_of_what_was_generated(exported):

@@ -68,13 +68,13 @@ def array(values):
     """A compound literal."""
     values = values.full() if isinstance(values, ca.DM) else values
     words = [w if isinstance(w, str) else repr(float(w)) for w in np.ravel(values, "F").tolist()]
-    return f"(const real_t[]){{{', '.join(words)}}}"
+    return f"(const curv_real[]){{{', '.join(words)}}}"
 
 
 def changed(values, index, word):
     values = [repr(float(x)) for x in np.ravel(values)]
     values[index] = word
-    return f"(const real_t[]){{{', '.join(values)}}}"
+    return f"(const curv_real[]){{{', '.join(values)}}}"
 
 
 def test_arguments_stand_in_order_with_matrices_by_columns_and_scalars_by_value(tmp_path):
@@ -86,30 +86,31 @@ def test_arguments_stand_in_order_with_matrices_by_columns_and_scalars_by_value(
     )
     body = """\
   static curv_mixed_out out;
-  const real_t a[CURV_MIXED_N_A] = {1, 2, 3, 4, 5, 6}, low[CURV_MIXED_N_LOW] = {7, 8, 9};
-  curv_status (*typed)(const real_t *, real_t, const real_t *, curv_mixed_out *) = curv_mixed;
+  const curv_real a[CURV_MIXED_N_A] = {1, 2, 3, 4, 5, 6}, low[CURV_MIXED_N_LOW] = {7, 8, 9};
+  typedef const curv_real *array;
+  curv_status (*typed)(array, curv_real, array, curv_mixed_out *) = curv_mixed;
   int i;
   if (typed(a, 10, low, &out) != CURV_OK) return 1;
   for (i = 0; i < 6; ++i) printf("%g ", out.m[i]);
   printf("%g ", out.t);
   for (i = 0; i < 3; ++i) printf("%g ", out.l[i]);
-  printf("%d", (int)(sizeof out / sizeof(real_t)));"""
+  printf("%d", (int)(sizeof out / sizeof(curv_real)));"""
     found = compiled(tmp_path, f, body)
     np.testing.assert_array_equal(found, [10, 20, 30, 40, 50, 60, 5, 14, 16, 18, 10])
     header = (tmp_path / "curv.h").read_text()
-    signature = "curv_mixed(const real_t a[6], real_t s, const real_t low[3], curv_mixed_out *out);"
-    assert signature in header
+    arguments = "const curv_real a[6], curv_real s, const curv_real low[3], curv_mixed_out *out"
+    assert f"curv_mixed({arguments});" in header
     assert "in   low (2, 2), its 3 nonzeros" in header
 
 
 def test_names_that_c_has_taken_get_an_underscore(tmp_path):
     x = [ca.MX.sym(name) for name in ("out", "work", "double", "index")]
     names = [symbol.name() for symbol in x]
-    f = ca.Function("taken", x, [x[0] - x[1], x[2] * x[3]], names, ["for", "real_t"])
+    f = ca.Function("taken", x, [x[0] - x[1], x[2] * x[3]], names, ["for", "int"])
     body = """\
   static curv_taken_out out;
   if (curv_taken(5, 2, 3, 4, &out)) return 1;
-  printf("%g %g", out.for_, out.real_t_);"""
+  printf("%g %g", out.for_, out.int_);"""
     np.testing.assert_array_equal(compiled(tmp_path, f, body), [3, 12])
 
 

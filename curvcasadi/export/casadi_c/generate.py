@@ -16,7 +16,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from curvcasadi.export.casadi_c import work_vector
+from curvcasadi.export.casadi_c import external, work_vector
 from curvcasadi.export.casadi_c.null_checks import without_failure_checks, without_null_checks
 
 #: What can be written instead, by what CasADi calls the part.
@@ -68,7 +68,7 @@ def generate(
     source = without_failure_checks(without_null_checks(source))
     if real == "float":
         source = _single_precision(source, stem)
-    return source, header, work
+    return *external.readable(source, header), work
 
 
 def symbol(function: ca.Function, prefix: str) -> str:

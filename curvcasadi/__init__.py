@@ -109,11 +109,14 @@ from curvcasadi.control import (
     step_function,
 )
 from curvcasadi.dynamics import (
+    VibrationModes,
     forward_dynamics,
     inverse_dynamics,
     inverse_dynamics_function,
     kinetic_energy,
     mass_matrix,
+    natural_frequencies,
+    vibration_modes,
 )
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.estimation import (
@@ -287,6 +290,7 @@ __all__ = [
     "TrimResult",
     "Turbulence",
     "VectorBasis",
+    "VibrationModes",
     "WhiteAcceleration",
     "WindowEstimate",
     "Wing",
@@ -331,6 +335,7 @@ __all__ = [
     "mirror_aero",
     "mirror_wing",
     "modal_basis",
+    "natural_frequencies",
     "place_sensors",
     "pose_at",
     "pose_function",
@@ -359,4 +364,5 @@ __all__ = [
     "trim",
     "trim_sweep",
     "trim_table",
+    "vibration_modes",
 ]

@@ -6,6 +6,11 @@ from curvcasadi.dynamics.energy import (
 from curvcasadi.dynamics.forward import (
     forward_dynamics,
 )
+from curvcasadi.dynamics.frequencies import (
+    VibrationModes,
+    natural_frequencies,
+    vibration_modes,
+)
 from curvcasadi.dynamics.inverse import (
     inverse_dynamics,
 )
@@ -17,9 +22,12 @@ from curvcasadi.dynamics.mass import (
 )
 
 __all__ = [
+    "VibrationModes",
     "forward_dynamics",
     "inverse_dynamics",
     "inverse_dynamics_function",
     "kinetic_energy",
     "mass_matrix",
+    "natural_frequencies",
+    "vibration_modes",
 ]

@@ -41,10 +41,11 @@ def forward_dynamics(
     Raises
     ------
     ValueError
-        As `inverse_dynamics`.
+        As `inverse_dynamics`, and if the masses are fewer than the weights.
     """
     states = system.weights(beam, q=q, q_dot=q_dot)
     built = system.build(beam, loads, root, states)
+    mass.check_invertible(built)
     n = beam.basis.n
     bias = inverse.residual(built, states["q"], states["q_dot"], ca.DM.zeros(n))
     triangle = mass.packed_mass_matrix(built, states["q"])

@@ -9,11 +9,11 @@ import numpy as np
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.dynamics import system
-from curvcasadi.dynamics.inertia import Mask, masked, momentum
+from curvcasadi.dynamics.inertia import SIZE, Mask, masked, momentum, unpack
 from curvcasadi.kinematics import chain
 from curvcasadi.kinematics import jacobian as kinematics
 from curvcasadi.lie import so3
-from curvcasadi.symbolic.expressions import AnyExpr
+from curvcasadi.symbolic.expressions import AnyExpr, is_numeric
 
 
 def mass_matrix(beam: Beam, q: AnyExpr) -> AnyExpr:
@@ -52,17 +52,33 @@ def packed_mass_matrix(built: system.System, q: AnyExpr) -> AnyExpr:
     return total
 
 
+def check_invertible(built: system.System) -> None:
+    """Refuse a beam whose masses are fewer than its weights: its mass matrix is singular.
+
+    A station outboard of the root moves in as many directions as its inertia has rank.
+    """
+    n, (mask, inertias) = built.beam.basis.n, built.inertias
+    if not all(is_numeric(data) for data in inertias):
+        return
+    kept = np.flatnonzero(mask)
+    rank = 0
+    for data in inertias[1:]:
+        numbers = np.zeros(SIZE)
+        numbers[kept] = data.full().ravel()
+        rank += int(np.linalg.matrix_rank(momentum(unpack(ca.DM(numbers)), ca.DM.eye(6)).full()))
+    if rank < n:
+        raise ValueError(
+            f"Beam: expected mass that resists each of the {n} weights, found masses that resist "
+            f"{rank} motions; give Section.mass_per_length"
+        )
+
+
 def unpack_symmetric(triangle: AnyExpr, n: int) -> AnyExpr:
     """The symmetric matrix (n, n) whose upper triangle is packed by columns."""
     order = np.zeros((n, n), dtype=int)
     order.T[np.tril_indices(n)] = range(n * (n + 1) // 2)
     entries = np.maximum(order, order.T).ravel(order="F").tolist()
     return ca.reshape(triangle[entries], n, n)
-
-
-def pack_symmetric(rows: list[list[ca.SX]]) -> ca.SX:
-    """Upper triangle by columns of a matrix whose entry (i, j) is given for i ≤ j."""
-    return ca.vertcat(*(rows[i][j] for j in range(len(rows)) for i in range(j + 1)))
 
 
 @lru_cache(maxsize=64)

@@ -273,7 +273,7 @@ def strip_errors() -> tuple[float, float]:
         found = cc.solve_equilibrium(beam, loads)
         moved = found.shape.tip.position.full().ravel() - row["tip_xyz_wind_frame"]
         tips.append(float(np.linalg.norm(moved)) / 16.0)
-        angle = strip_forces(beam, found.q, air).angle_of_attack.full()[0, -1]
+        angle = float(strip_forces(beam, found.q, air, stations=[1.0]).angle_of_attack)
         angles.append(abs(float(np.degrees(angle)) - row["tip_angle_of_attack_deg"]))
     return max(tips), max(angles)
 

@@ -1,17 +1,14 @@
-"""Steady strip aerodynamics as a load on a beam.
+"""Quasi-steady strip aerodynamics as a load on a beam, alone or with induced flow.
 
-A strip at pose (R, p), parent axes, moves relative to the air with V = Rᵀ (v + ω × p − wind), local
-axes. With V3 counted to the upper side, W² = V2² + V3² and α = atan2(−V3, V2):
-
-    lift  ½ ρ c c_l W²  along (−V3, V2)/W,      drag  ½ ρ c c_d W²  along −(V2, V3)/W
-
-per length in the section plane, at the aerodynamic centre, and the moment ½ ρ c² c_m W² nose-up.
-Rotations are not approximated; the velocity along the span does nothing.
+A strip at pose (R, p), parent axes, moves relative to the air with V = Rᵀ (v + ω × p − wind), and
+turns with Ω = Rᵀ ω, local axes. Its forces are those of `section` whose circulation follows at
+once, u_e = u, or as the lifting line of the wing lets it. Rotations are not approximated; the
+velocity along the span does nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import NamedTuple
@@ -19,25 +16,26 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from curvcasadi.aero.strip import StripAerodynamics, coefficients
+from curvcasadi.aero import section
+from curvcasadi.aero.induced import LiftingLine
+from curvcasadi.aero.induced_load import LineOnWing, line_on_wing
+from curvcasadi.aero.section import SectionData
+from curvcasadi.aero.strip import StripAerodynamics, air_stations, section_data
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics.shape import poses
-from curvcasadi.loads.stations import (
-    Contributions,
-    Load,
-    Mesh,
-    loaded_mesh,
-    sites,
-)
+from curvcasadi.loads.stations import Contributions, Coupling, Load, Mesh, WrenchFormula
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
+    Array,
     Number,
     expression,
+    instance,
     own_fields,
     positive,
     rotation_matrix,
 )
+from curvcasadi.symbolic.expressions import station as checked_station
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,7 +48,6 @@ class Flow:
     wind: Number = (0.0, 0.0, 0.0)  #: velocity of the air, (3,), m/s, inertial axes
 
     def __post_init__(self) -> None:
-        own_fields(self)
         positive("Flow.density", self.density, zero=True)
         for name in ("velocity", "angular_rate", "wind"):
             value = expression(f"Flow.{name}", getattr(self, name), (3, 1))
@@ -59,31 +56,48 @@ class Flow:
 
 def strip_wrench(rotation: AnyExpr, position: AnyExpr, data: AnyExpr) -> AnyExpr:
     """Wrench (moment, force), (6, 1), about the parent origin, of `strip_data`."""
-    upper, center = data[6], data[8]
-    strip = _in_section(rotation, position, data)
-    force = rotation @ ca.vertcat(0, strip.force[0], upper * strip.force[1])
-    arm = position + center * rotation[:, 1]
-    return ca.vertcat(ca.cross(arm, force) + upper * strip.moment * rotation[:, 0], force)
+    velocity, omega, strip = _moving(rotation, position, data)
+    u = section.circulation(velocity, omega, strip).velocity
+    local = section.circulatory_wrench(velocity, omega, strip, u, u)
+    return _about_parent(rotation, position, local)
+
+
+def induced_wrench(rotation: AnyExpr, position: AnyExpr, data: AnyExpr) -> AnyExpr:
+    """The same of u_e, m/s, followed by `strip_data`."""
+    velocity, omega, strip = _moving(rotation, position, data[1:])
+    u = section.circulation(velocity, omega, strip).velocity
+    local = section.circulatory_wrench(velocity, omega, strip, u, data[0])
+    return _about_parent(rotation, position, local)
+
+
+def _moving(
+    rotation: AnyExpr, position: AnyExpr, data: AnyExpr
+) -> tuple[AnyExpr, AnyExpr, SectionData]:
+    velocity, rate, strip = ca.vertsplit(data, [0, 3, 6, 6 + section.SIZE])
+    through_air = rotation.T @ (velocity + ca.cross(rate, position))
+    return through_air, rotation.T @ rate, section.unpack(strip)
+
+
+def _about_parent(rotation: AnyExpr, position: AnyExpr, local: AnyExpr) -> AnyExpr:
+    force = rotation @ local[3:]
+    return ca.vertcat(rotation @ local[:3] + ca.cross(position, force), force)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AerodynamicLoad(Load):
-    """Airloads on a beam: quasi-steady, strip by strip."""
+    """Airloads on a beam: quasi-steady, strip by strip, with the induced flow of a lifting line."""
 
     strips: StripAerodynamics
     flow: Flow
     deflections: Mapping[str, Number] = field(default_factory=dict)  #: rad; others are zero
+    induced_flow: LiftingLine | None = None  #: without one every strip is on its own
 
     wrench = staticmethod(strip_wrench)
 
     def __post_init__(self) -> None:
         own_fields(self)
         for name, kind in (("strips", StripAerodynamics), ("flow", Flow)):
-            if not isinstance(getattr(self, name), kind):
-                raise ValueError(
-                    f"AerodynamicLoad.{name}: expected a {kind.__name__}, "
-                    f"found {getattr(self, name)!r}"
-                )
+            instance(f"AerodynamicLoad.{name}", getattr(self, name), kind)
         for name, angle in self.deflections.items():
             if name not in self.strips.inputs:
                 raise ValueError(
@@ -91,108 +105,148 @@ class AerodynamicLoad(Load):
                     f"{self.strips.inputs or 'no control surface'}, found {name!r}"
                 )
             expression(f"AerodynamicLoad.deflections[{name!r}]", angle, (1, 1))
+        if self.induced_flow is not None:
+            instance("AerodynamicLoad.induced_flow", self.induced_flow, LiftingLine)
+            if self.strips.tip_loss is not None:
+                raise ValueError(
+                    "StripAerodynamics.tip_loss: expected None with induced flow, which makes the "
+                    f"lift vanish at the tip; found {self.strips.tip_loss}"
+                )
 
     @property
-    def breaks(self) -> tuple[float, ...]:
-        """Stations at which the airfoil data jump."""
-        return self.strips.breaks
+    def points(self) -> tuple[float, ...]:
+        """Stations at which the airloads act, s/L."""
+        return tuple(station.xi for station in air_stations(self.strips))
+
+    def is_distributed(self, beam: Beam) -> bool:
+        """Airloads are integrated at stations of their own."""
+        return False
 
     def contributions(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
-        for site in sites(beam, mesh):
-            yield site.node, strip_data(self, site.xi, site.measure, to_parent)
+        """Data of `strip_wrench`, unless the strips are coupled."""
+        if self.induced_flow is None:
+            for xi, weight in air_stations(self.strips):
+                yield mesh.node(xi), strip_data(self, xi, weight * beam.length, to_parent)
+
+    def coupling(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Coupling | None:
+        """Strips whose circulation the lifting line determines."""
+        if self.induced_flow is None:
+            return None
+        stations = air_stations(self.strips)
+        line = _on_wing(self.induced_flow, self, beam, to_parent, self.points)
+        return Coupling(
+            nodes=tuple(mesh.node(xi) for xi in self.points),
+            function=line.followed,
+            data=line.data,
+            formula=WrenchFormula(induced_wrench),
+            own=tuple(strip_data(self, xi, w * beam.length, to_parent) for xi, w in stations),
+        )
 
 
 def strip_data(load: AerodynamicLoad, xi: float, measure: Number, to_parent: AnyExpr) -> AnyExpr:
-    """What `strip_wrench` takes of `measure` m of span at `xi`: 13 numbers.
+    """What `strip_wrench` takes of `measure` m of span at `xi`.
 
-    v − wind (3) and ω (3), parent axes, upper side, ½ ρ c measure, aerodynamic centre, c_l per α,
-    c_l at α = 0, c_d, and c_m c.
+    v − wind (3) and ω (3), parent axes, and `SectionData`.
     """
     flow = load.flow
-    chord, center, slope, lift, drag, moment = ca.vertsplit(
-        coefficients(load.strips, xi, load.deflections)
+    strip = section_data(load.strips, xi, load.deflections, density=flow.density, measure=measure)
+    return ca.vertcat(flow.velocity - to_parent @ flow.wind, flow.angular_rate, strip.pack())
+
+
+def _on_wing(
+    line: LiftingLine,
+    load: AerodynamicLoad,
+    beam: Beam,
+    to_parent: AnyExpr,
+    wanted: Sequence[float],
+) -> LineOnWing:
+    """The lifting line of a load; u_e is that of the stations `wanted`."""
+    flow = load.flow
+    return line_on_wing(
+        line,
+        beam,
+        load.strips,
+        load.deflections,
+        velocity=flow.velocity - to_parent @ flow.wind,
+        rate=flow.angular_rate,
+        wanted=wanted,
     )
-    return ca.vertcat(
-        flow.velocity - to_parent @ flow.wind,
-        flow.angular_rate,
-        load.strips.upper_side,
-        flow.density * chord * measure / 2,
-        center,
-        slope,
-        lift,
-        drag,
-        moment * chord,
-    )
-
-
-class _InSection(NamedTuple):
-    angle: AnyExpr  #: α, rad
-    lift: AnyExpr  #: N
-    drag: AnyExpr  #: N
-    force: AnyExpr  #: (2, 1), N: to the leading edge, to the upper side
-    moment: AnyExpr  #: N m, nose-up
-
-
-def _in_section(rotation: AnyExpr, position: AnyExpr, data: AnyExpr) -> _InSection:
-    velocity, rate, rest = ca.vertsplit(data, [0, 3, 6, 13])
-    upper, pressure, _, slope, lift_at_zero, drag, moment = ca.vertsplit(rest)
-    local = rotation.T @ (velocity + ca.cross(rate, position))
-    v2, v3 = local[1], upper * local[2]
-    speed, angle = _speed_and_angle(v2, v3)
-    lift = slope * angle + lift_at_zero
-    along = pressure * speed * (lift * ca.vertcat(-v3, v2) - drag * ca.vertcat(v2, v3))
-    scale = pressure * speed**2
-    return _InSection(angle, scale * lift, scale * drag, along, scale * moment)
-
-
-def _speed_and_angle(v2: AnyExpr, v3: AnyExpr) -> tuple[AnyExpr, AnyExpr]:
-    """W = √(V2² + V3²) and α = atan2(−V3, V2), by double-where.
-
-    √ and atan2 have no derivative in still air, where forces, of degree two in V, are zero with
-    zero derivative: neither branch is singular, and W = 0 takes the derivative away.
-    """
-    still = v2**2 + v3**2 <= 0
-    ahead, up = ca.if_else(still, 1, v2), ca.if_else(still, 0, v3)
-    speed = ca.if_else(still, 0, ca.sqrt(ahead**2 + up**2))
-    return speed, ca.atan2(-up, ahead)
 
 
 class StripForces(NamedTuple):
-    """Airloads along the span, a column per quadrature node; at a break one for each side."""
+    """Airloads along the span, a column per station."""
 
-    xi: np.ndarray  #: (N,)
-    angle_of_attack: AnyExpr  #: (1, N), rad
+    xi: Array  #: (N,)
+    angle_of_attack: AnyExpr  #: (1, N), rad, of the section in the air that the wing leaves alone
     lift: AnyExpr  #: (1, N), N/m, normal to the local velocity in the section plane
-    drag: AnyExpr  #: (1, N), N/m, along it
+    drag: AnyExpr  #: (1, N), N/m, along it; that of the induced flow included
     moment: AnyExpr  #: (1, N), N, nose-up about the aerodynamic centre
+    induced_angle: AnyExpr  #: (1, N), rad, that the induced flow adds; below zero for a downwash
 
 
 def strip_forces(
-    beam: Beam, q: AnyExpr, load: AerodynamicLoad, attitude: AnyExpr | None = None
+    beam: Beam,
+    q: AnyExpr,
+    load: AerodynamicLoad,
+    attitude: AnyExpr | None = None,
+    *,
+    stations: Sequence[float] | None = None,
 ) -> StripForces:
-    """Airloads per length along the span of the shape `q` (n, 1), rad/m.
+    """Airloads per length along the span of a shape.
 
     Parameters
     ----------
-    attitude : (3, 3), parent to inertial axes, for the wind; None if these agree
+    beam : Beam
+        The wing.
+    q : SX, MX, DM or array, shape (n, 1)
+        Weights, rad/m.
+    load : AerodynamicLoad
+        The airloads.
+    attitude : SX, MX, DM or array, shape (3, 3), optional
+        Parent to inertial axes, for the wind; None if these agree.
+    stations : sequence of float, optional
+        Where the airloads are wanted, s/L; those at which they are integrated unless given.
+
+    Returns
+    -------
+    StripForces
+        Of the kind of `q`.
     """
     q = expression("q", q, (beam.basis.n, 1))
-    mesh = loaded_mesh(beam, [load])
-    frames = poses(beam, q, mesh.stations.tolist())
+    wanted = load.points if stations is None else [checked_station("stations", x) for x in stations]
     to_parent = ca.DM.eye(3) if attitude is None else rotation_matrix("attitude", attitude).T
+    frames = [pose.packed for pose in poses(beam, q, [*load.points, *wanted])]
+    count = len(load.points)
+    followed = [None] * len(wanted)
+    if load.induced_flow is not None:
+        line = _on_wing(load.induced_flow, load, beam, to_parent, wanted)
+        followed = ca.horzsplit(line.followed(ca.horzcat(*frames[:count]), line.data))
     columns = []
-    for site in sites(beam, mesh):
-        frame = frames[site.node]
-        data = strip_data(load, site.xi, 1.0, to_parent)
-        columns.append(_strip()(frame.packed, data))
-    xi = np.array([site.xi for site in sites(beam, mesh)])
-    return StripForces(xi, *(ca.horzcat(*row) for row in zip(*columns, strict=True)))
+    for xi, frame, u_e in zip(wanted, frames[count:], followed, strict=True):
+        data = strip_data(load, xi, 1.0, to_parent)
+        given = [frame, data] if u_e is None else [frame, data, u_e]
+        columns.append(_strip(u_e is not None)(*given))
+    return StripForces(np.array(wanted), *(ca.horzcat(*row) for row in zip(*columns, strict=True)))
 
 
 @cache
-def _strip() -> ca.Function:
-    """(state, data) -> angle of attack, lift, drag, moment."""
-    state, data = ca.SX.sym("state", 12), ca.SX.sym("data", 13)
-    strip = _in_section(*unpack_pose(state), data)
-    outputs = [strip.angle, strip.lift, strip.drag, strip.moment]
-    return ca.Function("strip", [state, data], outputs, {"cse": True})
+def _strip(induced: bool) -> ca.Function:
+    """(pose, data, u_e where `induced`) -> angle of attack, lift, drag, moment, induced angle."""
+    pose, data, u_e = ca.SX.sym("pose", 12), ca.SX.sym("data", 6 + section.SIZE), ca.SX.sym("u_e")
+    velocity, omega, strip = _moving(*unpack_pose(pose), data)
+    followed = section.circulation(velocity, omega, strip)
+    gained = u_e if induced else followed.velocity
+    wrench = section.circulatory_wrench(velocity, omega, strip, followed.velocity, gained)
+    ahead, up = velocity[1], strip.upper * velocity[2]
+    speed, angle = section.speed_and_angle(ahead, up)
+    still = ca.if_else(speed > 0, speed, 1)
+    forward, upward = wrench[4], strip.upper * wrench[5]
+    outputs = [
+        angle,
+        (ahead * upward - up * forward) / still,
+        -(ahead * forward + up * upward) / still,
+        strip.upper * (wrench[0] - strip.center * wrench[5]),
+        (gained - followed.velocity) / still,
+    ]
+    inputs = [pose, data, u_e][: 2 + induced]
+    return ca.Function("strip", inputs, outputs, {"cse": True})

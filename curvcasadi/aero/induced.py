@@ -72,13 +72,21 @@ class Panels(NamedTuple):
         return np.asarray((self.points - self.edges[:-1]) / np.diff(self.edges))
 
 
+def station_at(line: LiftingLine, angle: Array) -> Array:
+    """Station ξ of the angle θ, of which equal steps make the panels."""
+    return np.asarray(np.sin(angle) if line.image else (1 - np.cos(angle)) / 2)
+
+
+def angle_at(line: LiftingLine, xi: Array) -> Array:
+    """The angle θ of a station ξ."""
+    return np.asarray(np.arcsin(xi) if line.image else np.arccos(1 - 2 * xi))
+
+
 def panels_of(line: LiftingLine) -> Panels:
     """Ends and control points of the horseshoes of `line`."""
-    theta = np.linspace(0, 1, line.panels + 1)
+    theta = np.linspace(0, np.pi / 2 if line.image else np.pi, line.panels + 1)
     middle = (theta[1:] + theta[:-1]) / 2
-    if line.image:
-        return Panels(*(np.sin(np.pi / 2 * t) for t in (theta, middle)))
-    return Panels(*((1 - np.cos(np.pi * t)) / 2 for t in (theta, middle)))
+    return Panels(station_at(line, theta), station_at(line, middle))
 
 
 class SpanMaps(NamedTuple):

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import casadi as ca
+import numpy as np
+from numpy.polynomial import legendre
 
+from curvcasadi.aero.section import SectionData
 from curvcasadi.beam.along import Along, Check, breaks_of, scalar
+from curvcasadi.beam.grid import shares
 from curvcasadi.symbolic.expressions import (
     COINCIDENT,
     AnyExpr,
     Number,
     choice,
+    count,
     expression,
+    is_numeric,
     own_fields,
     positive,
     station,
@@ -64,7 +71,11 @@ class StripAerodynamics:
     With the angle of attack α at a station and deflections δ the coefficients are
 
         c_l = factor (lift_slope (α − zero_lift_angle) + Σ lift δ)
-        c_d = profile_drag + Σ drag δ,      c_m = moment_coefficient + Σ moment δ
+        c_d = profile_drag + Σ drag δ
+        c_m = moment_coefficient + moment_slope α_0 + Σ moment δ
+
+    with α_0 = c_l/(factor lift_slope), the angle from that of zero lift. Airloads are integrated at
+    `stations` Gauss points between the breaks of the data, whatever elements the beam has.
 
     A quantity is a number, a CasADi symbol, or a function of xi = s/L that returns one; a function
     with jumps has `breaks`, as `Steps` has.
@@ -77,6 +88,11 @@ class StripAerodynamics:
     profile_drag: Number = 0.0
     moment_coefficient: Number = 0.0  #: about the aerodynamic centre, nose-up positive
     controls: tuple[ControlSurface, ...] = ()
+    moment_slope: Number = 0.0  #: of the moment about the aerodynamic centre, nose-up, 1/rad
+    #: part of the leading-edge suction that is there: with 1 lift stands normal to the flow, with 0
+    #: normal to the chord
+    suction: Number = 1.0
+    stations: int = 6  #: aerodynamic stations; more where breaks leave more intervals
     upper_side: int = 1  #: +1: local z points out of the upper side (right wing), −1: the lower
     tip_loss: ExponentialTipLoss | None = None
     _quantities: dict[str, Along] = field(init=False, repr=False)
@@ -84,6 +100,7 @@ class StripAerodynamics:
     def __post_init__(self) -> None:
         own_fields(self)
         choice("StripAerodynamics.upper_side", self.upper_side, (1, -1))
+        count("StripAerodynamics.stations", self.stations)
         object.__setattr__(self, "controls", tuple(self.controls))
         quantities = {
             name: Along(f"StripAerodynamics.{name}", getattr(self, name), check)
@@ -121,6 +138,8 @@ QUANTITIES: dict[str, Check] = {
     "zero_lift_angle": scalar,
     "profile_drag": scalar,
     "moment_coefficient": scalar,
+    "moment_slope": scalar,
+    "suction": scalar,
 }
 
 
@@ -137,17 +156,86 @@ def mirror_aero(strips: StripAerodynamics) -> StripAerodynamics:
     return replace(strips, upper_side=-strips.upper_side, controls=controls)
 
 
-def coefficients(
-    strips: StripAerodynamics, xi: float, deflections: Mapping[str, Number]
-) -> AnyExpr:
-    """Chord, aerodynamic centre, c_l per α, c_l at α = 0, c_d, c_m at a station: (6, 1)."""
-    chord, center, slope, zero_lift, drag, moment = (strips.at(name, xi) for name in QUANTITIES)
-    lift = -slope * zero_lift
+def section_data(
+    strips: StripAerodynamics,
+    xi: float,
+    deflections: Mapping[str, Number],
+    *,
+    density: Number,
+    measure: Number,
+    apparent: float = 0.0,
+) -> SectionData:
+    """What the forces of a strip at `xi` take, in the order of `SectionData`.
+
+    Parameters
+    ----------
+    strips : StripAerodynamics
+        Airfoil data of the wing.
+    xi : float
+        Station s/L.
+    deflections : mapping of str to number or symbol
+        Of the control surfaces, rad; others are zero.
+    density : number or symbol
+        Of the air, kg/m³.
+    measure : number or symbol
+        Span of the strip, m.
+    apparent : float
+        Part of the apparent mass that is there.
+    """
+    at = {name: strips.at(name, xi) for name in QUANTITIES}
+    slope, lift = at["lift_slope"], 0.0
+    drag, moment = at["profile_drag"], at["moment_coefficient"]
     for surface in strips.controls:
         if surface.start <= xi <= surface.end:
             angle = deflections.get(surface.name, 0.0)
             lift = lift + surface.lift * angle
             drag = drag + surface.drag * angle
             moment = moment + surface.moment * angle
+    if is_numeric(slope) and float(slope) == 0:
+        if not is_numeric(lift) or float(lift):
+            raise ValueError(
+                f"StripAerodynamics.lift_slope at xi = {xi:g}: expected a number above zero where "
+                "a control surface makes lift, found 0"
+            )
+        slope = 1.0
     factor = 1.0 if strips.tip_loss is None else strips.tip_loss(xi)
-    return ca.vertcat(chord, center, factor * slope, factor * lift, drag, moment)
+    return SectionData(
+        upper=strips.upper_side,
+        pressure=density * at["chord"] * measure / 2,
+        chord=at["chord"],
+        center=at["aerodynamic_center"],
+        slope=factor * at["lift_slope"],
+        shift=lift / slope - at["zero_lift_angle"],
+        drag=drag,
+        moment=moment,
+        moment_slope=at["moment_slope"],
+        suction=at["suction"],
+        apparent=apparent,
+    )
+
+
+class AirStation(NamedTuple):
+    """A station at which airloads are integrated."""
+
+    xi: float  #: s/L
+    weight: float  #: part of the length that it stands for
+
+
+def air_stations(strips: StripAerodynamics) -> tuple[AirStation, ...]:
+    """Gauss points between the breaks of the airfoil data, shared out by length.
+
+    Lift vanishes at a tip like the square root of the distance to it. Three points or more of the
+    outermost interval therefore are those of Gauss in √(1 − ξ), of which it is a smooth function.
+    """
+    ends = np.array([0.0, *strips.breaks, 1.0])
+    found = []
+    for left, right, n in zip(
+        ends[:-1], ends[1:], shares(strips.stations, np.diff(ends), 1), strict=True
+    ):
+        nodes, weights = legendre.leggauss(n)
+        part, weights = (1 + nodes) / 2, weights / 2
+        if right == 1 and n >= 3:
+            part, weights = 1 - (1 - part) ** 2, 2 * weights * (1 - part)
+        for x, w in zip(left + (right - left) * part, weights * (right - left), strict=True):
+            found.append(AirStation(float(x), float(w)))
+    return tuple(found)

@@ -231,7 +231,7 @@ class Grid:
             for left, right, n in zip(
                 panels[:-1],
                 panels[1:],
-                _shares(cast(int, self.elements), np.diff(panels), least),
+                shares(cast(int, self.elements), np.diff(panels), least),
                 strict=True,
             )
         ]
@@ -276,7 +276,7 @@ def _uniform_points(n: int) -> Array:
     return np.linspace(0.0, 1.0, n + 1)
 
 
-def _shares(total: int, lengths: Array, least: int) -> list[int]:
+def shares(total: int, lengths: Array, least: int) -> list[int]:
     """Whole numbers from `least`, proportional to `lengths`, that sum to `total` if they can."""
     shares = np.full(len(lengths), least)
     while shares.sum() < total:

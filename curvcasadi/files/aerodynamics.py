@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 from curvcasadi.aero import ControlSurface, ExponentialTipLoss, StripAerodynamics
-from curvcasadi.aero.strip import QUANTITIES, coefficients
+from curvcasadi.aero.strip import QUANTITIES
 from curvcasadi.beam.along import Steps
 from curvcasadi.files import toml_reader as toml
 from curvcasadi.files.toml_reader import Key, Keys
@@ -28,6 +28,14 @@ AERODYNAMICS = Keys(
         "moment_coefficient": Key(
             _QUANTITY, "about the aerodynamic centre, positive leading edge up"
         ),
+        "moment_slope": Key(
+            _QUANTITY, "of that moment by the angle of attack, positive leading edge up", "1/rad"
+        ),
+        "suction": Key(
+            _QUANTITY,
+            "part of the leading-edge suction: 1: lift normal to the flow; 0: to the chord",
+        ),
+        "stations": Key(toml.WHOLE, "number of stations at which airloads are integrated"),
         "upper_side": Key(toml.WHOLE, "1: local z points out of the upper side; -1: the lower"),
         "tip_loss": Key(toml.table_of("decay"), "loss of lift towards the tip"),
         "controls": Key(toml.TABLES, "control surfaces"),
@@ -78,7 +86,8 @@ def read_strips(table: toml.Table) -> StripAerodynamics:
     with table.owning_errors():
         strips = StripAerodynamics(**values)
         for left, right in pairwise((0.0, *strips.breaks, 1.0)):
-            coefficients(strips, round((left + right) / 2, 12), {})
+            for name in QUANTITIES:
+                strips.at(name, round((left + right) / 2, 12))
     return strips
 
 

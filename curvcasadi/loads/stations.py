@@ -7,6 +7,10 @@ At a station with pose (R, p), parent axes, every load below is one wrench about
 of 21 numbers: forces and moments fixed in the parent frame (F_d, M_d) and in local axes (F_f, M_f),
 and N = Σ r F_dᵀ of the offsets r at which fixed forces act, axial(R N) = Σ (R r) × F_d. A load that
 acts otherwise brings a formula of its own, `Load.wrench`.
+
+A load may have stations of its own, `Load.points`: elements end there, too, but the panels of the
+quadrature stay those of the beam. Data that depend on the poses of all its stations, as those of
+induced flow do, are a `Coupling`.
 """
 
 from __future__ import annotations
@@ -31,6 +35,7 @@ from curvcasadi.beam.beam import Beam, merged_breaks
 from curvcasadi.beam.quadrature import Panel
 from curvcasadi.lie import so3
 from curvcasadi.symbolic.expressions import (
+    COINCIDENT,
     AnyExpr,
     Array,
     Number,
@@ -77,6 +82,16 @@ class WrenchFormula:
 StationLoads: TypeAlias = list[tuple[WrenchFormula, AnyExpr]]
 #: (index of a station, load data that it gains) of one load.
 Contributions: TypeAlias = Iterator[tuple[int, AnyExpr]]
+
+
+class Coupling(NamedTuple):
+    """What a load takes at each of its stations from the poses of all of them."""
+
+    nodes: tuple[int, ...]  #: indices of the S stations
+    function: ca.Function  #: (poses (12, S), data) -> values (m, S)
+    data: AnyExpr  #: of `function`
+    formula: WrenchFormula  #: of a station; its data are the m values, then those of the station
+    own: tuple[AnyExpr, ...]  #: further data of each station
 
 
 class Site(NamedTuple):
@@ -129,6 +144,14 @@ class Load(Protocol):
         """Stations xi in [0, 1] at which the load acts as a point, begins, ends or jumps."""
         return ()
 
+    @property
+    def points(self) -> tuple[float, ...]:
+        """Stations of its own in [0, 1], where elements end and `Mesh.node` finds a station.
+
+        Unlike `breaks` they do not divide the quadrature along the span.
+        """
+        return ()
+
     def is_distributed(self, beam: Beam) -> bool:
         """Whether the load is integrated along the span, by `sites`."""
         return True
@@ -155,6 +178,13 @@ class Load(Protocol):
             the default `wrench` are made by `force_data` and `moment_data`.
         """
         ...
+
+    def coupling(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Coupling | None:
+        """What acts at stations that depend on the poses of each other; most loads have none.
+
+        It acts beside `contributions`. Arguments are those of `contributions`.
+        """
+        return None
 
     @staticmethod
     def wrench(rotation: Any, position: Any, data: Any, *motion: Any) -> Any:
@@ -210,7 +240,15 @@ def loaded_mesh(beam: Beam, loads: Sequence[Load]) -> Mesh:
     """
     breaks = merged_breaks([*beam.breaks, *load_breaks(loads)])
     least = _LEAST_ELEMENTS if breaks and any(load.is_distributed(beam) for load in loads) else 1
-    return Mesh(beam.grid.stations(breaks, least), beam.grid.panels(breaks, least))
+    stations, panels = beam.grid.stations(breaks, least), beam.grid.panels(breaks, least)
+    own = sorted({float(x) for load in loads for x in load.points})
+    added = [x for x in own if np.min(np.abs(stations - x)) > COINCIDENT]
+    if not added:
+        return Mesh(stations, panels)
+    merged = np.sort(np.append(stations, added))
+    index = np.searchsorted(merged, stations).tolist()
+    moved = [panel._replace(nodes=tuple(index[k] for k in panel.nodes)) for panel in panels]
+    return Mesh(merged, tuple(moved))
 
 
 #: Elements that a panel between two breaks needs for the quadrature of a distributed load.
@@ -240,6 +278,20 @@ def station_loads(
         other if total is None else [(_LINEAR, total), *other]
         for total, other in zip(totals, others, strict=True)
     ]
+
+
+def couplings(
+    beam: Beam, loads: Sequence[Load], mesh: Mesh, attitude: AnyExpr | None
+) -> list[Coupling]:
+    """Couplings between stations of `mesh`, of all loads that have one.
+
+    Parameters
+    ----------
+    attitude : (3, 3), parent to inertial axes; None if they are the same
+    """
+    to_parent = ca.DM.eye(3) if attitude is None else rotation_matrix("attitude", attitude).T
+    found = (load.coupling(beam, mesh, to_parent) for load in loads)
+    return [coupled for coupled in found if coupled is not None]
 
 
 def sites(beam: Beam, mesh: Mesh) -> Iterator[Site]:

@@ -18,7 +18,13 @@ import casadi as ca
 from curvcasadi.beam.beam import Beam
 from curvcasadi.kinematics import chain
 from curvcasadi.kinematics import jacobian as kinematics
-from curvcasadi.loads.stations import loaded_mesh, station_loads
+from curvcasadi.loads.stations import (
+    Coupling,
+    StationLoads,
+    couplings,
+    loaded_mesh,
+    station_loads,
+)
 from curvcasadi.statics import virtual_work
 from curvcasadi.statics.energy import stiffness_matrix
 from curvcasadi.symbolic.expressions import AnyExpr, expression, same_kind
@@ -201,11 +207,28 @@ def parameter_slopes(
     n, m = beam.basis.n, parameters.numel()
     residual = ca.jacobian(stiffness_matrix(beam) @ q, parameters)
     wrench = ca.DM.zeros(6, m)
-    for state, acting in zip(states, station_loads(beam, loads, mesh, attitude), strict=True):
-        for formula, data in acting:
-            slope_of = virtual_work.wrench_by_data(formula, data.numel(), m, n)
-            work, part = slope_of(state, data, ca.densify(ca.jacobian(data, parameters)))
-            residual, wrench = residual - work, wrench + part
+    acting = [
+        (state, formula, data, ca.jacobian(data, parameters))
+        for state, loads_here in zip(
+            states, station_loads(beam, loads, mesh, attitude), strict=True
+        )
+        for formula, data in loads_here
+    ]
+    for coupled in couplings(beam, loads, mesh, attitude):
+        poses = ca.horzcat(*(states[node][:12] for node in coupled.nodes))
+        by_data = ca.densify(ca.jacobian(coupled.data, parameters))
+        values, slopes = virtual_work.coupled_by_data(coupled.function, m)(
+            poses, coupled.data, by_data
+        )
+        for k, node in enumerate(coupled.nodes):
+            data = ca.vertcat(values[:, k], coupled.own[k])
+            of_own = ca.jacobian(coupled.own[k], parameters)
+            slope = ca.vertcat(slopes[:, k * m : (k + 1) * m], of_own)
+            acting.append((states[node], coupled.formula, data, slope))
+    for state, formula, data, slope in acting:
+        slope_of = virtual_work.wrench_by_data(formula, data.numel(), m, n)
+        work, part = slope_of(state, data, ca.densify(slope))
+        residual, wrench = residual - work, wrench + part
     return residual, wrench
 
 
@@ -225,6 +248,9 @@ def _passes(
     data = station_loads(beam, loads, mesh, attitude)
     for xi, acting in zip(mesh.stations, data, strict=True):
         same_kind(q=q, **{f"loads at xi = {xi:g}": values for _, values in acting})
+    coupled = couplings(beam, loads, mesh, attitude)
+    for joint in coupled:
+        same_kind(**{"q": q, "loads": ca.vertcat(joint.data, *joint.own)})
     beam_chain = chain.build(beam, mesh.stations.tolist(), boundaries=mesh.stations)
     pattern, n = beam_chain.pattern, beam.basis.n
     root = beam.root.packed
@@ -238,15 +264,42 @@ def _passes(
         inward = virtual_work.inward(pattern)
         outboard, forces = [ca.DM.zeros(6)], [ca.DM.zeros(n)]
     columns = n if tangent else None
+    wrenches = _station_wrenches(states, data, coupled, columns)
     for k in reversed(range(len(states))):
-        for formula, values in data[k]:
-            wrench_at = virtual_work.station_wrench(formula, values.numel(), columns)
-            wrench = _outputs(wrench_at(states[k], values))
+        for wrench in wrenches[k]:
             outboard = [a + b for a, b in zip(outboard, wrench, strict=True)]
         if k:
             crossed = inward(q, states[k - 1], beam_chain.data[k - 1], *outboard, *forces)
             forces = [*_outputs(crossed)]
     return _Passed(*(x for pair in zip(forces, outboard, strict=True) for x in pair))
+
+
+def _station_wrenches(
+    states: Sequence[AnyExpr],
+    data: Sequence[StationLoads],
+    coupled: Sequence[Coupling],
+    columns: int | None,
+) -> list[list[tuple[AnyExpr, ...]]]:
+    """Wrench, and with `columns` its slope, of everything that acts on each station."""
+    found: list[list[tuple[AnyExpr, ...]]] = []
+    for state, acting in zip(states, data, strict=True):
+        found.append([])
+        for formula, values in acting:
+            wrench_at = virtual_work.station_wrench(formula, values.numel(), columns)
+            found[-1].append(_outputs(wrench_at(state, values)))
+    for coupling in coupled:
+        together = ca.horzcat(*(states[node] for node in coupling.nodes))
+        results = virtual_work.coupled_values(coupling.function, columns)(together, coupling.data)
+        values, *slopes = _outputs(results)
+        m = values.shape[0]
+        for k, node in enumerate(coupling.nodes):
+            own = ca.vertcat(values[:, k], coupling.own[k])
+            moved = [
+                ca.horzsplit(slope, slope.shape[1] // len(coupling.nodes))[k] for slope in slopes
+            ]
+            wrench_at = virtual_work.station_wrench(coupling.formula, own.numel(), columns, m)
+            found[node].append(_outputs(wrench_at(states[node], own, *moved)))
+    return found
 
 
 def _outputs(results: Any) -> tuple[AnyExpr, ...]:

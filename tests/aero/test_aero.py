@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.special import beta
 
 import curvcasadi as cc
 from curvcasadi.aero import (
@@ -19,8 +20,9 @@ from curvcasadi.aero import (
     mirror_aero,
     strip_forces,
 )
-from curvcasadi.aero.airload import _speed_and_angle
-from curvcasadi.loads.stations import loaded_mesh, sites
+from curvcasadi.aero.section import speed_and_angle
+from curvcasadi.aero.strip import air_stations
+from curvcasadi.loads.stations import loaded_mesh
 from curvcasadi.reference_wings import RIGHT_WING_ROOT
 from curvcasadi.statics.balance import balance, parameter_slopes, root_wrench
 from tests.support.oracle import CURLED_WEIGHTS
@@ -34,6 +36,8 @@ STRIPS = StripAerodynamics(
     zero_lift_angle=-0.04,
     profile_drag=0.02,
     moment_coefficient=-0.05,
+    moment_slope=0.08,
+    suction=0.9,
     controls=(FLAP,),
     tip_loss=ExponentialTipLoss(decay=20.0),
 )
@@ -57,24 +61,28 @@ def wrench_by_hand(beam, q, strips, flow, flap, side):
     mesh = loaded_mesh(beam, [load])
     total = np.zeros(6)
     same_elements = replace(beam, grid=cc.Grid(boundaries=mesh.stations))
-    for site in sites(beam, mesh):
-        xi, pose = site.xi, cc.pose_at(same_elements, q, mesh.stations[site.node])
+    for xi, weight in air_stations(strips):
+        pose = cc.pose_at(same_elements, q, xi)
         R, p = pose.rotation.full(), pose.position.full().ravel()
         air = flow.velocity.full().ravel() - flow.wind.full().ravel()
-        v = R.T @ (air + np.cross(flow.angular_rate.full().ravel(), p))
-        ahead, up = v[1], side * v[2]
+        rate = flow.angular_rate.full().ravel()
+        v, roll = R.T @ (air + np.cross(rate, p)), (R.T @ rate)[0]
         flapped = 0.5 < xi < 0.9
-        c = 1.2 if xi < 0.4 else 0.8
-        lift = 5.8 * (np.arctan2(-up, ahead) + 0.04) + 3.0 * flap * flapped
-        lift *= 1 - np.exp(-20 * (1 - xi))
+        c, center = 1.2 if xi < 0.4 else 0.8, 0.3 - 0.1 * xi
+        # The angle of attack is that at three quarters of the chord.
+        ahead, up, there = v[1], side * v[2], side * (v[2] + roll * (center - c / 2))
+        speed = np.hypot(ahead, there)
+        u = speed * (np.arctan2(-there, ahead) + 0.04 + 3.0 * flap * flapped / 5.8)
+        tip = 1 - np.exp(-20 * (1 - xi))
+        pressure = 1.1 / 2 * c * weight * beam.length
+        k, u_s = pressure * 5.8 * tip, u - c / 4 * side * roll
         drag, moment = 0.02 + 0.1 * flap * flapped, -0.05 - 0.6 * flap * flapped
-        pressure = 1.1 / 2 * (ahead**2 + up**2) * site.measure * c
+        moment = moment * speed**2 + 0.08 * u * speed
         forward, upward = R[:, 1], side * R[:, 2]
-        along = (ahead * forward + up * upward) / np.hypot(ahead, up)
-        normal = (ahead * upward - up * forward) / np.hypot(ahead, up)
-        force = pressure * (lift * normal - drag * along)
+        force = k * (0.9 * (u_s**2 - u**2 - there * u) * forward + ahead * u * upward)
+        force -= pressure * drag * speed * (ahead * forward + up * upward)
         nose_up = np.cross(forward, upward)
-        arm = p + (0.3 - 0.1 * xi) * forward
+        arm = p + center * forward
         total += np.r_[np.cross(arm, force) + pressure * c * moment * nose_up, force]
     return total
 
@@ -84,7 +92,7 @@ def test_wrench_is_that_of_the_formulas_on_both_wings(right):
         load = AerodynamicLoad(strips=strips, flow=FLOW, deflections={"flap": 0.1})
         got = root_wrench(beam, WEIGHTS, [load]).full().ravel()
         expected = wrench_by_hand(beam, WEIGHTS, strips, FLOW, 0.1, side)
-        assert_allclose(got, expected, rtol=1e-10, atol=1e-9)  # rounding of a sum of 28 strips
+        assert_allclose(got, expected, rtol=1e-10, atol=1e-9)  # rounding of a sum of strips
 
 
 def test_mirrored_wing_has_mirrored_loads(right):
@@ -171,11 +179,10 @@ def test_cost_of_airloads_is_linear_in_the_elements(wing):
 
 
 def test_forces_along_the_span_integrate_to_the_force_at_the_root(right):
-    load = loaded((24, 0, 2))
+    load = replace(loaded((24, 0, 2)), strips=replace(STRIPS, suction=1.0))
     straight = np.zeros(12)
     found = strip_forces(right, straight, load)
-    mesh = loaded_mesh(right, [load])
-    measures = np.array([site.measure for site in sites(right, mesh)])
+    measures = np.array([right.length * station.weight for station in air_stations(load.strips)])
     angle = np.arctan2(2, 24)  # of a straight wing everywhere
     assert_allclose(found.angle_of_attack, np.full((1, len(measures)), angle), rtol=1e-14)
     lift, drag = (x.full().ravel() @ measures for x in (found.lift, found.drag))
@@ -184,9 +191,32 @@ def test_forces_along_the_span_integrate_to_the_force_at_the_root(right):
     assert_allclose(force, lift * across - drag * along, rtol=1e-12)
 
 
-def test_jumps_of_the_airfoil_data_are_breaks_of_the_mesh(right):
-    assert set(loaded().breaks) == {0.4, 0.5, 0.9}
-    assert {0.4, 0.5, 0.9} <= set(loaded_mesh(right, [loaded()]).stations.tolist())
+def test_aerodynamic_stations_are_those_of_the_airfoil_data_alone(right):
+    load = loaded()
+    # Intervals end at 0.4, 0.5 and 0.9, and each has a station.
+    counts = np.histogram(load.points, [0, 0.4, 0.5, 0.9, 1])[0]
+    assert counts.sum() == 6 and np.all(counts >= 1)
+    structure = replace(SECTION, GJ=cc.Steps(np.linspace(0, 1, 16), [1e4] * 15))
+    for beam in (right, replace(right, section=structure)):
+        mesh = loaded_mesh(beam, [load])
+        assert set(load.points) <= set(mesh.stations)
+        plain = loaded_mesh(beam, [])
+        assert len(mesh.stations) == len(plain.stations) + 6
+        # The quadrature of the structure stays as it is.
+        for panel, before in zip(mesh.panels, plain.panels, strict=True):
+            assert_allclose(panel.weights, before.weights, rtol=0)
+            assert_allclose(mesh.stations[[*panel.nodes]], plain.stations[[*before.nodes]], rtol=0)
+
+
+@pytest.mark.parametrize("stations", [3, 6, 9])
+def test_aerodynamic_stations_integrate_what_vanishes_like_a_root_at_the_tip(stations):
+    strips = replace(STRIPS, chord=1.0, controls=(), stations=stations, tip_loss=None)
+    xi, weights = np.array(air_stations(strips)).T
+    powers = np.arange(stations)
+    assert_allclose(xi ** powers[:, None] @ weights, 1 / (1 + powers), rtol=1e-13)
+    # ∫ √(1 − ξ) ξ^k dξ is Euler's beta function.
+    roots = np.sqrt(1 - xi) * xi ** powers[: stations - 1, None]
+    assert_allclose(roots @ weights, beta(powers[: stations - 1] + 1, 1.5), rtol=1e-13)
 
 
 def test_load_factor_scales_the_airloads(right):
@@ -255,7 +285,7 @@ def test_chord_below_zero_along_the_span_is_named(right):
 @pytest.mark.parametrize("kind", [ca.SX, ca.MX])
 def test_the_angle_of_attack_has_a_finite_derivative_in_still_air(kind):
     v = kind.sym("v", 2)
-    speed, angle = _speed_and_angle(v[0], v[1])
+    speed, angle = speed_and_angle(v[0], v[1])
     slope = ca.Function("slope", [v], [ca.jacobian(ca.vertcat(speed, angle), v)])
     assert_allclose(slope([0, 0]), np.zeros((2, 2)), atol=0)
     # Beside it they are those of the norm and of atan2(−V3, V2).

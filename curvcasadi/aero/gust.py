@@ -129,6 +129,11 @@ def frozen_gust(profile: Callable[[AnyExpr], AnyExpr], speed: float) -> GustFiel
         Velocity upward, m/s, as a function of time, s, such as a `OneMinusCosine`.
     speed : float
         Speed that turns distance north into time, m/s.
+
+    Returns
+    -------
+    GustField
+        Velocity of the air as a function of position and time.
     """
     speed = float(positive("speed", speed))
 
@@ -169,7 +174,18 @@ class GustEntry:
 
 
 def kussner(s: ArrayLike) -> Array:
-    """Küssner's function ψ(s): lift over its final value, s half chords after a gust's edge."""
+    """Küssner's function ψ(s), the lift after a gust's edge over its final value.
+
+    Parameters
+    ----------
+    s : array
+        Distance travelled since the leading edge met the gust, half chords.
+
+    Returns
+    -------
+    ndarray
+        ψ(s), of the shape of `s`.
+    """
     decay = np.exp(-np.multiply.outer(numbers("s", s), KUSSNER.rates))
     return np.asarray(1 - decay @ KUSSNER.amplitudes)
 
@@ -213,7 +229,18 @@ class Turbulence:
         choice("Turbulence.component", self.component, ("vertical", "lateral", "longitudinal"))
 
     def spectrum(self, omega: ArrayLike) -> Array:
-        """Power spectrum, (m/s)²/(rad/s), at frequencies `omega` not below zero, rad/s."""
+        """Power spectrum of the velocity.
+
+        Parameters
+        ----------
+        omega : array
+            Frequencies not below zero, rad/s.
+
+        Returns
+        -------
+        ndarray
+            Power spectrum, (m/s)²/(rad/s), of the shape of `omega`.
+        """
         frequency = numbers("omega", omega)
         stretch = 1.0 if self.model == "dryden" else 1.339
         x = (stretch * self.scale / self.speed * frequency) ** 2
@@ -236,6 +263,11 @@ class Turbulence:
             Length of the history and interval of its samples, s.
         seed : int
             Of the random phases.
+
+        Returns
+        -------
+        SampledGust
+            The history, periodic.
         """
         period, step = positive("duration", duration), positive("dt", dt)
         n = round(period / step)

@@ -68,12 +68,23 @@ def aircraft_wrench(
     flight: Flight,
     inputs: Mapping[str, Number],
 ) -> AnyExpr:
-    """Sum of all wrenches (moment, force), (6, 1), about the body origin, body axes, N m and N.
+    """Sum of all wrenches (moment, force) on an aircraft.
 
     Parameters
     ----------
-    q : weights (n, 1), rad/m, by the name of the wing
-    inputs : thrusts, N, and deflections, rad, by name; others are zero
+    aircraft : Aircraft
+        Aircraft.
+    q : mapping of str to SX, MX, DM or array
+        Curvature weights (n, 1), rad/m, by the name of the wing.
+    flight : Flight
+        Air, attitude and gravity.
+    inputs : mapping of str to float or symbol
+        Thrusts, N, and deflections, rad, by name; others are zero.
+
+    Returns
+    -------
+    SX, MX or DM, shape (6, 1)
+        Moment, N m, and force, N, about the body origin, body axes.
     """
     unknown = sorted(set(inputs) - set(aircraft.inputs))
     if unknown:

@@ -29,11 +29,21 @@ from curvcasadi.symbolic.text import described, shown
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RigidBody:
-    """What is rigid of the aircraft, wings and their bodies excluded."""
+    """What is rigid of the aircraft, wings and their bodies excluded.
 
-    mass: Number  #: kg
-    center_of_mass: Number  #: (3,), m, body axes
-    inertia: Number | None = None  #: (3, 3) about the centre of mass, kg m²; steady flight has none
+    Attributes
+    ----------
+    mass : float or symbol
+        Mass, kg.
+    center_of_mass : array or symbol, shape (3,)
+        Centre of mass, m, body axes.
+    inertia : array, symbol or None, shape (3, 3)
+        Inertia about the centre of mass, kg m², body axes; steady flight needs none.
+    """
+
+    mass: Number
+    center_of_mass: Number
+    inertia: Number | None = None
 
     def __post_init__(self) -> None:
         own_fields(self)
@@ -46,11 +56,21 @@ class RigidBody:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Thrust:
-    """A force along a line that is fixed in the body; its magnitude, N, is an input."""
+    """A force along a line that is fixed in the body; its magnitude, N, is an input.
 
-    name: str = "thrust"  #: of the input
-    position: Number = (0.0, 0.0, 0.0)  #: (3,), m, body axes
-    direction: Number = (1.0, 0.0, 0.0)  #: (3,), unit vector, body axes
+    Attributes
+    ----------
+    name : str
+        Name of the input that is its magnitude, N.
+    position : array or symbol, shape (3,)
+        A point of the line, m, body axes.
+    direction : array or symbol, shape (3,)
+        Unit vector, body axes.
+    """
+
+    name: str = "thrust"
+    position: Number = (0.0, 0.0, 0.0)
+    direction: Number = (1.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         own_fields(self)
@@ -66,11 +86,22 @@ class LiftingSurface:
 
     Local axes as those of a wing: x along the span, y to the leading edge. The airfoil data are
     taken at xi = 0.5; interference with the wing (downwash) is not modelled.
+
+    Attributes
+    ----------
+    name : str
+        Name of the surface.
+    area : float or symbol
+        Area, m².
+    pose : Pose
+        Pose, in body axes, of the point ahead of which the aerodynamic centre lies.
+    strips : StripAerodynamics
+        Airfoil data.
     """
 
     name: str
-    area: Number  #: m²
-    pose: Pose  #: of the point ahead of which the aerodynamic centre lies; body axes
+    area: Number
+    pose: Pose
     strips: StripAerodynamics
 
     def __post_init__(self) -> None:
@@ -81,12 +112,24 @@ class LiftingSurface:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Wing:
-    """A flexible half wing: a beam whose parent frame is the body, and what acts on it."""
+    """A flexible half wing: a beam whose parent frame is the body, and what acts on it.
+
+    Attributes
+    ----------
+    name : str
+        Name of the wing.
+    beam : Beam
+        The beam, with a section.
+    strips : StripAerodynamics
+        Airfoil data along the span.
+    loads : tuple of loads
+        Further loads; weight and airloads act anyway.
+    """
 
     name: str
     beam: Beam
     strips: StripAerodynamics
-    loads: tuple[Any, ...] = ()  #: further loads; weight and airloads are there anyway
+    loads: tuple[Any, ...] = ()
 
     def __post_init__(self) -> None:
         for name, kind in (("beam", Beam), ("strips", StripAerodynamics)):
@@ -101,7 +144,20 @@ class Wing:
 
 
 def mirror_wing(wing: Wing, name: str) -> Wing:
-    """The other half wing: beam and airfoil data mirrored. Further loads are not."""
+    """The other half wing, with beam and airfoil data mirrored.
+
+    Parameters
+    ----------
+    wing : Wing
+        One half wing, without further loads.
+    name : str
+        Name of the other one.
+
+    Returns
+    -------
+    Wing
+        The other half wing.
+    """
     if wing.loads:
         raise ValueError(f"mirror_wing: expected no further loads, found {len(wing.loads)}")
     return Wing(name=name, beam=mirror(wing.beam), strips=mirror_aero(wing.strips))
@@ -109,7 +165,19 @@ def mirror_wing(wing: Wing, name: str) -> Wing:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Aircraft:
-    """A rigid body, flexible wings, rigid lifting surfaces and thrusts."""
+    """A rigid body, flexible wings, rigid lifting surfaces and thrusts.
+
+    Attributes
+    ----------
+    body : RigidBody
+        What is rigid, wings excluded.
+    beams : tuple of Wing
+        Flexible half wings.
+    surfaces : tuple of LiftingSurface
+        Rigid lifting surfaces.
+    thrusts : tuple of Thrust
+        Forces along fixed lines.
+    """
 
     body: RigidBody
     beams: tuple[Wing, ...]
@@ -168,11 +236,21 @@ class Aircraft:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Flight:
-    """A state of steady flight. Fields may be symbols."""
+    """A state of steady flight. Fields may be symbols.
+
+    Attributes
+    ----------
+    flow : Flow
+        The air, and the motion of the body through it.
+    attitude : array or symbol, shape (3, 3)
+        Rotation from body to inertial axes (north, east, down).
+    gravity : float or symbol
+        Acceleration of gravity, m/s², down.
+    """
 
     flow: Flow
-    attitude: Number  #: (3, 3), body to inertial axes (north, east, down)
-    gravity: Number  #: m/s², down
+    attitude: Number
+    gravity: Number
 
     @property
     def acceleration(self) -> AnyExpr:

@@ -37,16 +37,37 @@ def trim(
 
     Parameters
     ----------
-    speed, density, gravity : m/s, kg/m³, m/s²
-    flight_path : climb angle, rad; None leaves it free, as in a glide with a given thrust
-    free : of "sideslip" and "roll"; what is not named stays zero
-    inputs : inputs that are held, by name: N or rad. All others are free
-    bounds : (lower, upper) of angles and inputs by name. Unless given: angle of attack and sideslip
-        within 0.35 rad, deflections within 0.5 rad, thrusts not below zero
-    objective : "strain_energy", "drag", "root_bending" (sum of squared out-of-plane moments at the
-        roots), a `TipHeight`, or None where nothing is left to choose
-    hessian : of the second solve, "exact" (of the structured derivatives) or "limited_memory"
-    guess : an earlier result of the same aircraft
+    aircraft : Aircraft
+        Aircraft with numeric fields.
+    speed : float
+        Airspeed, m/s.
+    density : float
+        Density of the air, kg/m³.
+    gravity : float
+        Acceleration of gravity, m/s².
+    flight_path : float or None
+        Climb angle, rad; None leaves it free, as in a glide with a given thrust.
+    free : sequence of str
+        Any of "sideslip" and "roll"; what is not named stays zero.
+    inputs : mapping of str to float, optional
+        Inputs that are held, by name, N or rad; all others are free.
+    bounds : mapping of str to (float, float), optional
+        Lower and upper bounds of angles and inputs by name. Unless given, angle of attack and
+        sideslip stay within 0.35 rad, deflections within 0.5 rad, and thrusts above zero.
+    objective : {"strain_energy", "drag", "root_bending"}, TipHeight or None
+        What chooses among all states that balance; "root_bending" is the sum of squared
+        out-of-plane moments at the roots. None where nothing is left to choose.
+    hessian : {"exact", "limited_memory"}
+        Hessian of the second solve; "exact" is that of the structured derivatives.
+    guess : TrimResult, optional
+        An earlier result of the same aircraft.
+    throw : bool
+        Whether a state that does not balance raises; otherwise the result says so.
+
+    Returns
+    -------
+    TrimResult
+        The trimmed state, or what comes nearest to it.
 
     Raises
     ------
@@ -76,9 +97,25 @@ def trim_sweep(
     throw: bool = False,
     progress: bool = True,
 ) -> list[TrimResult]:
-    """`trim` at each of `speeds`, m/s, each from the last one that was trimmed.
+    """Trim an aircraft at several speeds, each from the last one that was trimmed.
 
-    Without `throw` a speed at which nothing balances gives a result that says so.
+    Parameters
+    ----------
+    aircraft : Aircraft
+        Aircraft with numeric fields.
+    speeds : sequence of float
+        Airspeeds, m/s.
+    density, gravity, flight_path, free, inputs, bounds, objective, hessian : optional
+        As of `trim`.
+    throw : bool
+        Whether a speed at which nothing balances raises; otherwise its result says so.
+    progress : bool
+        Whether to show a progress bar.
+
+    Returns
+    -------
+    list of TrimResult
+        One per speed.
     """
     from tqdm import tqdm
 

@@ -38,10 +38,18 @@ PARAMETERS = ("speed", "density", "gravity", "sine_of_path", "weight")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TipHeight:
-    """Objective: the tip of a wing as near as possible to a height above its root."""
+    """Objective: the tip of a wing as near as possible to a height above its root.
 
-    wing: str  #: name
-    height: float  #: m, above the root along −z of the body
+    Attributes
+    ----------
+    wing : str
+        Name of the wing.
+    height : float
+        Height, m, above the root along −z of the body.
+    """
+
+    wing: str
+    height: float
 
     def __post_init__(self) -> None:
         expression("TipHeight.height", self.height, (1, 1))

@@ -19,30 +19,78 @@ from curvcasadi.symbolic.text import described, table
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TrimResult:
-    """An aircraft in steady straight flight, or what comes nearest to it."""
+    """An aircraft in steady straight flight, or what comes nearest to it.
 
-    speed: float  #: m/s
-    angle_of_attack: float  #: of the body x axis, rad
-    pitch: float  #: rad
-    sideslip: float  #: rad
-    roll: float  #: rad
-    flight_path: float  #: climb angle of what was found, rad
-    inputs: dict[str, float]  #: thrusts, N, and deflections, rad
+    Attributes
+    ----------
+    speed : float
+        Airspeed, m/s.
+    angle_of_attack : float
+        Angle of attack of the body x axis, rad.
+    pitch : float
+        Pitch angle, rad.
+    sideslip : float
+        Sideslip angle, rad.
+    roll : float
+        Roll angle, rad.
+    flight_path : float
+        Climb angle of the result, rad.
+    inputs : dict of str to float
+        Thrusts, N, and deflections, rad.
+    input_units : dict of str to str
+        Units of the inputs.
+    q : dict of str to DM
+        Curvature weights (n, 1), rad/m, by wing.
+    shapes : dict of str to Shape
+        Shapes by wing, body axes.
+    root_loads : dict of str to array
+        Moment, N m, and force, N, that a wing hands on to the body, (6,), root axes, by wing.
+    airloads : dict of str to StripForces
+        Airloads along the span, by wing.
+    strain_energy : float
+        Strain energy of all wings, J.
+    drag : float
+        Force against the path without thrust and weight, N.
+    balances : dict of str to float
+        What is left of each balance, N and N m, body axes, about the body origin.
+    equilibrium_residuals : dict of str to float
+        Largest entry of the residual of each wing, N m².
+    trimmed : bool
+        Whether everything balances.
+    converged : bool
+        Whether the last solve ended at an optimum.
+    iterations : int
+        Iterations of all solves.
+    active_bounds : tuple of str
+        Bounds that hold the result, in words.
+    message : str
+        What was found, in words.
+    unknowns : array
+        All unknowns, scaled; where a warm start begins.
+    """
+
+    speed: float
+    angle_of_attack: float
+    pitch: float
+    sideslip: float
+    roll: float
+    flight_path: float
+    inputs: dict[str, float]
     input_units: dict[str, str]
-    q: dict[str, ca.DM]  #: weights (n, 1), rad/m, by wing
-    shapes: dict[str, Shape]  #: by wing, body axes
-    root_loads: dict[str, Array]  #: (6,) moment, N m, and force, N, on the body, root axes
-    airloads: dict[str, StripForces]  #: along the span, by wing
-    strain_energy: float  #: of all wings, J
-    drag: float  #: force against the path without thrust and weight, N
-    balances: dict[str, float]  #: what is left of each, N and N m, body axes and origin
-    equilibrium_residuals: dict[str, float]  #: largest entry by wing, N m²
-    trimmed: bool  #: everything balances
-    converged: bool  #: the last solve ended at an optimum
+    q: dict[str, ca.DM]
+    shapes: dict[str, Shape]
+    root_loads: dict[str, Array]
+    airloads: dict[str, StripForces]
+    strain_energy: float
+    drag: float
+    balances: dict[str, float]
+    equilibrium_residuals: dict[str, float]
+    trimmed: bool
+    converged: bool
     iterations: int
     active_bounds: tuple[str, ...]
     message: str
-    unknowns: Array  #: all unknowns, scaled: where a warm start begins
+    unknowns: Array
 
     @property
     def success(self) -> bool:
@@ -75,13 +123,35 @@ class TrimResult:
         return described(f"TrimResult at {self.speed:g} m/s: {self.message}", rows)
 
     def tip_height(self, wing: str) -> float:
-        """Height of the tip of a wing above its root, m, along −z of the body."""
+        """Height of the tip of a wing above its root.
+
+        Parameters
+        ----------
+        wing : str
+            Name of the wing.
+
+        Returns
+        -------
+        float
+            Height, m, along −z of the body.
+        """
         shape = self.shapes[wing]
         return float(shape.poses[0].position[2] - shape.tip.position[2])
 
 
 def trim_table(results: Sequence[TrimResult]) -> str:
-    """Results as a table: speed, angles, inputs, tips above the roots, root bending, drag."""
+    """Results as a table of speed, angles, inputs, tip heights, root bending and drag.
+
+    Parameters
+    ----------
+    results : sequence of TrimResult
+        Such as those of `trim_sweep`.
+
+    Returns
+    -------
+    str
+        A line per result.
+    """
     rows = []
     for result in results:
         row = {"V [m/s]": f"{result.speed:.4g}"}

@@ -33,11 +33,21 @@ CURVE_STATIONS = np.linspace(0.0, 1.0, 61)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ShapeDeviations:
-    """Standard deviations of the shape along the span."""
+    """Standard deviations of the shape along the span.
 
-    stations: Array  #: xi (N,)
-    position: Array  #: (3, N), m, parent axes
-    attitude: Array  #: (3, N), rad, local axes
+    Attributes
+    ----------
+    stations : array, shape (N,)
+        Stations s/L.
+    position : array, shape (3, N)
+        Standard deviations of the position, m, parent axes.
+    attitude : array, shape (3, N)
+        Standard deviations of the attitude, rad, local axes.
+    """
+
+    stations: Array
+    position: Array
+    attitude: Array
 
     @property
     def distance(self) -> Array:
@@ -62,15 +72,23 @@ def information_matrix(
 
     Parameters
     ----------
-    shapes : (S, n) or (n,), rad/m, within the bounds
-    rates : (S, n) or (n,), q_dot, rad/(m s), one for each shape; at rest where None
-    unknowns : ("q",), with q_dot known, or ("q", "q_dot")
-    root : motion of the root, gravity and magnetic field, as for `measure`
+    beam : Beam
+        Wing with numeric fields.
+    sensors : sequence of Sensor
+        Sensors on the wing.
+    shapes : array, shape (S, n) or (n,)
+        Curvature weights, rad/m, within the bounds.
+    rates : array, shape (S, n) or (n,), optional
+        Rates of the weights, rad/(m s), one for each shape; at rest where None.
+    unknowns : sequence of str
+        ("q",), with q_dot known, or ("q", "q_dot").
+    root : RootMotion, optional
+        Motion of the root, gravity and magnetic field, as for `measure`.
 
     Returns
     -------
-    (n, n) or (2n, 2n)
-        (rad/m)⁻² for the weights, (rad/(m s))⁻² for their rates.
+    ndarray, shape (n, n) or (2n, 2n)
+        Information, (rad/m)⁻² of the weights, (rad/(m s))⁻² of their rates.
     """
     model, states = information_problem(beam, sensors, shapes, rates, unknowns, root)
     slopes = [model.slope(state) for state in states]
@@ -126,9 +144,19 @@ def shape_deviations(
 
     Parameters
     ----------
-    q : (n, 1), rad/m
-    covariance : P (n, n), (rad/m)²; weights of infinite variance make what they move infinite
-    stations : xi; 61 from the root to the tip where None
+    beam : Beam
+        Wing with numeric fields.
+    q : array, shape (n, 1)
+        Curvature weights, rad/m.
+    covariance : array, shape (n, n)
+        Covariance P, (rad/m)²; weights of infinite variance make what they move infinite.
+    stations : sequence of float, optional
+        Stations s/L; 61 from the root to the tip where None.
+
+    Returns
+    -------
+    ShapeDeviations
+        Along the span.
     """
     q = numeric("q", checked_weights(beam, q))
     covariance = _matrix("covariance", covariance, beam.basis.n)

@@ -77,16 +77,21 @@ class CFunction:
     it found only where both are at most 1. Another that holds a solver is refused, as its C would
     call every result a success.
 
-    Parameters
+    Attributes
     ----------
-    function : with a name of its own
-    weights : by name of an input that holds weights of a beam, one vector a column, that beam: its
-        bounds and element angles are checked
-    missing : names of inputs in which NaN means "no sample"; everywhere else it is bad input
-    descriptions : unit and frame of inputs and outputs, by name, where the package's own words do
-        not fit
-    tolerance : of the self-test, largest error over the largest entry of an output, at least 1
-    unchecked : True exports a solver without those outputs: its status is OK whatever it found
+    function : casadi.Function
+        With a name of its own.
+    weights : mapping of str to Beam
+        By name of an input that holds weights, one vector a column, the beam whose bounds and
+        element angles are checked.
+    missing : tuple of str
+        Names of inputs in which NaN means "no sample"; everywhere else it is bad input.
+    descriptions : mapping of str to str
+        Unit and frame of inputs and outputs, by name, where the package's own words do not fit.
+    tolerance : float or None
+        Tolerance of the self-test: largest error over the largest entry of an output, at least 1.
+    unchecked : bool
+        True exports a solver without those outputs: its status is OK whatever it finds.
     """
 
     function: ca.Function
@@ -131,6 +136,7 @@ class CFunction:
 
     @property
     def name(self) -> str:
+        """Name of the Function."""
         return str(self.function.name())
 
     @property
@@ -151,7 +157,18 @@ class CFunction:
             )
 
     def words(self, name: str) -> str:
-        """Unit and frame of an input or output."""
+        """Unit and frame of an input or output.
+
+        Parameters
+        ----------
+        name : str
+            Name of an input or output.
+
+        Returns
+        -------
+        str
+            Unit and frame.
+        """
         return str(self.descriptions.get(name, _WORDS.get(name, "")))
 
 

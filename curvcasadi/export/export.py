@@ -46,17 +46,23 @@ def export_c(
 
     Parameters
     ----------
-    functions : with different names, such as `tip_function(beam)`; a `CFunction` says more of one
-    directory : where to write; made if it does not exist
-    real : type of all numbers; for "float" build the model with `Grid(real="float")`
-    beam : whose weights the inputs q and q_guess of plain Functions are: their wrappers refuse
-        weights beyond its bounds or its largest element angle
-    name : prefix of the files and of all names in the header, such as the type curv_real of all
-        numbers: exports with different names, of either precision, go into one program
-    shared_buffers : whether the plain calls share one piece of static memory, as large as the
-        largest of them needs: then no two of them may run at once, as from an interrupt
-    reference_inputs : by function name, the inputs at which the self-test compares; five
-        weight-sized random ones (|x| ≤ 0.05) unless given. Solvers need theirs.
+    functions : casadi.Function, CFunction or sequence of these
+        With different names, such as `tip_function(beam)`; a `CFunction` says more of one.
+    directory : str or Path
+        Folder to write into; made if it does not exist.
+    real : {"double", "float"}
+        Type of all numbers; for "float" build the model with `Grid(real="float")`.
+    beam : Beam, optional
+        Beam whose weights the inputs q and q_guess of plain Functions are: their wrappers refuse
+        weights beyond its bounds or its largest element angle.
+    name : str
+        Prefix of the files and of all names in the header.
+    shared_buffers : bool
+        Whether the plain calls share one piece of static memory, as large as the largest of them
+        needs: then no two of them may run at once, as from an interrupt.
+    reference_inputs : mapping of str to sequence, optional
+        By function name, the inputs at which the self-test compares; five weight-sized random ones
+        (|x| ≤ 0.05) unless given. Solvers need theirs.
 
     Returns
     -------

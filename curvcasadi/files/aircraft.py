@@ -99,7 +99,13 @@ def load_aircraft(path: str | Path) -> Aircraft:
 
     Parameters
     ----------
-    path : aircraft file; SI units, radians
+    path : str or Path
+        Aircraft file; SI units, radians.
+
+    Returns
+    -------
+    Aircraft
+        The aircraft.
 
     Raises
     ------

@@ -128,13 +128,29 @@ class LogColumns(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class EstimationFile:
-    """What a wing file says of an estimation."""
+    """What a wing file says of an estimation.
+
+    Attributes
+    ----------
+    beam : Beam
+        The wing.
+    sensors : tuple of Sensor
+        Its sensors.
+    ekf : ShapeEkf
+        The filter.
+    start : Estimate
+        What is known at time zero.
+    inputs : tuple of str
+        Names of inputs of the filter's Functions that a log holds.
+    columns : LogColumns
+        Names of the columns of a log.
+    """
 
     beam: Beam
     sensors: tuple[Sensor, ...]
     ekf: ShapeEkf
-    start: Estimate  #: at time zero
-    inputs: tuple[str, ...]  #: names of inputs of the filter's Functions that a log holds
+    start: Estimate
+    inputs: tuple[str, ...]
     columns: LogColumns
 
 
@@ -143,7 +159,13 @@ def load_estimation(path: str | Path) -> EstimationFile:
 
     Parameters
     ----------
-    path : wing file; SI units, radians
+    path : str or Path
+        Wing file; SI units, radians.
+
+    Returns
+    -------
+    EstimationFile
+        Ready to run along a log.
 
     Raises
     ------

@@ -25,9 +25,17 @@ def modal_basis(
 
     Parameters
     ----------
-    modes : modes, or a CSV file of them as `load_modes` reads it
-    n : number of modes; None takes all
-    length : as of `load_modes`, for a file
+    modes : Modes, str or Path
+        Modes, or a CSV file of them as `load_modes` reads it.
+    n : int, optional
+        Number of modes; all where None.
+    length : float, optional
+        As of `load_modes`, for a file.
+
+    Returns
+    -------
+    ModalBasis
+        The basis, and how well it reproduces the modes.
 
     Raises
     ------
@@ -53,7 +61,15 @@ def load_modes(path: str | Path, *, length: float | None = None) -> Modes:
 
     Parameters
     ----------
-    length : m; needed where s is xi, from 0 to 1. None: s is in m and ends at the tip
+    path : str or Path
+        CSV file.
+    length : float, optional
+        Length, m; needed where s is xi, from 0 to 1. Where None, s is in m and ends at the tip.
+
+    Returns
+    -------
+    Modes
+        In local axes.
 
     Raises
     ------

@@ -188,27 +188,51 @@ CUSTOM_GRID = replace(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class WingFile:
-    """What a wing file holds."""
+    """What a wing file holds.
+
+    Attributes
+    ----------
+    beam : Beam
+        The wing.
+    loads : tuple of loads
+        In the order of the file.
+    """
 
     beam: Beam
-    loads: tuple[Any, ...]  #: of `curvcasadi.loads.kinds`, in the order of the file
+    loads: tuple[Any, ...]
 
 
 def load_beam(path: str | Path) -> Beam:
-    """Beam of a wing file; see `load_wing`. Its loads are checked and left out."""
+    """Beam of a wing file; its loads are checked and left out.
+
+    Parameters
+    ----------
+    path : str or Path
+        Wing file; SI units, radians.
+
+    Returns
+    -------
+    Beam
+        The wing.
+    """
     return load_wing(path).beam
 
 
 def load_wing(path: str | Path) -> WingFile:
     """Beam and loads of a wing file.
 
-    TOML tables beam, basis and grid; optionally section, an array of bodies and one of loads. What
-    `sensors_table.load_estimation` reads, sensors and estimation, may stand there, and is no matter
-    here.
+    The file has the tables beam, basis and grid, and optionally section, bodies and loads. The
+    tables sensors and estimation may stand there, too; `load_estimation` reads them.
 
     Parameters
     ----------
-    path : wing file; SI units, radians
+    path : str or Path
+        Wing file; SI units, radians.
+
+    Returns
+    -------
+    WingFile
+        Beam and loads.
 
     Raises
     ------

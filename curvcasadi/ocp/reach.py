@@ -33,16 +33,38 @@ _FURTHER_STARTS = 8
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ShapeResult:
-    """Weights that reach, or come nearest to, shape targets."""
+    """Weights that reach, or come nearest to, shape targets.
 
-    q: ca.DM  #: (n, 1), rad/m
-    shape: Shape  #: the shape at `q`
-    distances: Array  #: remaining distance, m, per target with a position
-    angles: Array  #: remaining angle, rad, per target with a rotation
-    reached: bool  #: every unweighted target is met to its tolerance
-    converged: bool  #: the last solve ended at an optimum
-    iterations: int  #: of all solves
-    active_bounds: tuple[str, ...]  #: bounds that hold the weights or the shape
+    Attributes
+    ----------
+    q : DM, shape (n, 1)
+        Curvature weights, rad/m.
+    shape : Shape
+        Shape at `q`.
+    distances : array
+        Remaining distance, m, per target with a position.
+    angles : array
+        Remaining angle, rad, per target with a rotation.
+    reached : bool
+        Whether every unweighted target is met to its tolerance.
+    converged : bool
+        Whether the last solve ended at an optimum.
+    iterations : int
+        Iterations of all solves.
+    active_bounds : tuple of str
+        Bounds that hold the weights or the shape, in words.
+    message : str
+        What was reached, in words.
+    """
+
+    q: ca.DM
+    shape: Shape
+    distances: Array
+    angles: Array
+    reached: bool
+    converged: bool
+    iterations: int
+    active_bounds: tuple[str, ...]
     message: str
 
     @property
@@ -90,14 +112,32 @@ def reach_shape(
 
     Parameters
     ----------
-    q_guess : (n, 1), rad/m, brought within the bounds; the straight beam unless given
-    curvature_bound : on |K_x|, |K_y|, |K_z| at the stations, rad/m: one number, three, or None.
-        Weights also keep `Beam.weight_bounds`, and elements `Grid.max_angle`.
-    regularizer : "smoothness" or "strain_energy" (needs a section)
-    regularization : dimensionless; it weighs against weighted targets only
-    hessian : "gauss_newton" (exact in the constraints) or "limited_memory"
-    solver, solver_options : an NLP plugin of CasADi and its options
-    throw : whether unmet unweighted targets raise; otherwise they are told in the result
+    beam : Beam
+        Beam with numeric fields.
+    targets : sequence of Target
+        What stations shall reach.
+    q_guess : array, shape (n, 1), optional
+        Weights to start from, rad/m, brought within the bounds; the straight beam unless given.
+    curvature_bound : float or array, shape (3,), optional
+        Largest |K_x|, |K_y|, |K_z| at the stations, rad/m. Weights also keep `Beam.weight_bounds`,
+        and elements `Grid.max_angle`.
+    regularizer : {"smoothness", "strain_energy"}
+        The matrix W; "strain_energy" needs a section.
+    regularization : float
+        Factor of the regularizer, dimensionless; it weighs against weighted targets only.
+    hessian : {"gauss_newton", "limited_memory"}
+        Hessian of the solves; "gauss_newton" is exact in the constraints.
+    solver : str
+        An NLP solver of CasADi.
+    solver_options : dict, optional
+        Its options.
+    throw : bool
+        Whether unmet unweighted targets raise; otherwise the result says so.
+
+    Returns
+    -------
+    ShapeResult
+        The weights, and how near they come to the targets.
 
     Raises
     ------

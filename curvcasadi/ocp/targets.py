@@ -38,14 +38,26 @@ class Target:
 
     Without `weight` it is to be met to its tolerance; with `weight` it is least squares,
     ½ weight (|Δp|²/L² + |Δφ|²), Δφ the rotation vector between the two attitudes.
+
+    Attributes
+    ----------
+    xi : float
+        Station s/L in [0, 1].
+    position : array, symbol or None, shape (3, 1)
+        Position, m, parent axes.
+    rotation : array, symbol or None, shape (3, 3)
+        Rotation from local to parent axes.
+    weight : float or None
+        Weight of a least-squares target, dimensionless; None for one that is to be met.
+    tolerance : float or None
+        Fraction of the length, and rad. Unless given 1e-6, and in `shape_target_function` of a beam
+        for single precision 1e-5.
     """
 
-    xi: float  #: station s/L
-    position: Number | None = None  #: (3, 1), m
-    rotation: Number | None = None  #: (3, 3), local to parent
-    weight: float | None = None  #: dimensionless
-    #: fraction of the length and rad; 1e-6 unless given, in `shape_target_function` of a beam for
-    #: single precision 1e-5
+    xi: float
+    position: Number | None = None
+    rotation: Number | None = None
+    weight: float | None = None
     tolerance: float | None = None
 
     def __post_init__(self) -> None:
@@ -146,7 +158,12 @@ def target_residual_function(
 
     Parameters
     ----------
-    targets : stations and kinds; their numbers arrive as inputs
+    beam : Beam
+        Beam whose stations have targets.
+    targets : sequence of Target
+        Stations and kinds; their numbers arrive as inputs.
+    name : str
+        Name of the Function, also in generated C.
 
     Returns
     -------

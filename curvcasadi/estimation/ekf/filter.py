@@ -45,16 +45,34 @@ from curvcasadi.symbolic.text import described, shown
 
 
 class Estimate(NamedTuple):
-    """State of a filter at a time. What an update says of its samples is empty before the first."""
+    """State of a filter at a time. What an update says of its samples is empty before the first.
 
-    time: float  #: s
-    state: Array  #: (x,), parts as in `ShapeEkf.layout`
-    factor: Array  #: (N, N), upper triangular: U D Uᵀ with D on the diagonal
-    #: (r,), over its standard deviation; NaN where there is no sample, or no prediction of it
+    Attributes
+    ----------
+    time : float
+        Time, s.
+    state : array, shape (x,)
+        State, parts as in `ShapeEkf.layout`.
+    factor : array, shape (N, N)
+        Covariance U D Uᵀ, upper triangular with D on the diagonal.
+    innovation : array, shape (r,)
+        Innovations over their standard deviations; NaN where there is no sample, or no prediction
+        of it.
+    used : array, shape (r,)
+        1 for samples that were used, 0 for missing and gated ones.
+    nis : float
+        Normalized innovation squared of the used samples.
+    dof : int
+        Number of used samples, the expectation of `nis`.
+    """
+
+    time: float
+    state: Array
+    factor: Array
     innovation: Array = np.zeros(0)
-    used: Array = np.zeros(0)  #: (r,), 1 for samples that were used, 0 for missing and gated ones
-    nis: float = 0.0  #: normalized innovation squared of the used samples
-    dof: int = 0  #: number of used samples, its expectation
+    used: Array = np.zeros(0)
+    nis: float = 0.0
+    dof: int = 0
 
     def __repr__(self) -> str:
         return f"<Estimate at {self.time:g} s: {int(np.sum(self.used))} readings used>"
@@ -70,7 +88,7 @@ class Estimate(NamedTuple):
 
     @property
     def covariance(self) -> Array:
-        """Of the error state, (N, N), parts as in `ShapeEkf.error_layout`."""
+        """Covariance of the error state, parts as in `ShapeEkf.error_layout`."""
         return ud.covariance_of(self.factor)
 
 
@@ -89,13 +107,28 @@ class ShapeEkf:
 
     After a negative dt the factor is NaN: in Python, and in C before its wrapper refuses it. The
     wrapper refuses infinite samples, too; any finite one is used, gated or missing.
+
+    Attributes
+    ----------
+    predict : casadi.Function
+        Prediction, called <name>_predict.
+    update : casadi.Function
+        Update, called <name>_update.
+    layout : Layout
+        Parts of the state.
+    error_layout : Layout
+        Parts of the error state: that of the attitude is a rotation vector, parent axes.
+    channels : Channels
+        Rows of the measurements, and of their residuals.
+    beam : Beam
+        Wing whose shape is estimated.
     """
 
-    predict: ca.Function  #: called <name>_predict
-    update: ca.Function  #: called <name>_update
-    layout: Layout  #: of the state
-    error_layout: Layout  #: of the error state: the attitude's is a rotation vector, parent axes
-    channels: Channels  #: rows of measured, and of residuals
+    predict: ca.Function
+    update: ca.Function
+    layout: Layout
+    error_layout: Layout
+    channels: Channels
     beam: Beam
 
     def initial(
@@ -109,11 +142,19 @@ class ShapeEkf:
 
         Parameters
         ----------
-        deviation : for every part of the error state its standard deviation, one number or one per
-            entry; or a symmetric, positive definite covariance matrix of the part
-        mean : of parts of the state; zero, and the identity attitude, where not given; the attitude
-            is a rotation matrix (3, 3). Weights lie within `Beam.weight_bounds`
-        time : s
+        deviation : mapping of str to float or array
+            Standard deviation of every part of the error state, one number or one per entry; or a
+            symmetric, positive definite covariance matrix of the part.
+        mean : mapping of str to float or array, optional
+            Parts of the state; zero, and the identity attitude, where not given. The attitude is a
+            rotation matrix (3, 3). Weights lie within `Beam.weight_bounds`.
+        time : float
+            Time, s.
+
+        Returns
+        -------
+        Estimate
+            Mean and covariance at that time.
         """
         state, factor = initial_belief(self.beam, self.layout, self.error_layout, deviation, mean)
         return Estimate(numeric_array("time", time, (1, 1)).item(), state, factor)
@@ -129,15 +170,40 @@ class ShapeEkf:
         }
 
     def part(self, estimate: Estimate, name: str) -> Array:
-        """A part of the state of an estimate, (size,)."""
+        """A part of the state of an estimate.
+
+        Parameters
+        ----------
+        estimate : Estimate
+            Estimate of this filter.
+        name : str
+            Name of a part of `layout`.
+
+        Returns
+        -------
+        ndarray, shape (size,)
+            The part.
+        """
         where = self.layout.slices
         choice("name", name, list(where))
         return estimate.state[where[name]]
 
     def covariance(self, estimate: Estimate, name: str) -> Array:
-        """Covariance of a part of the error state of an estimate, (size, size).
+        """Covariance of a part of the error state of an estimate.
 
         That of "q" makes standard deviations along the span by `shape_deviations`.
+
+        Parameters
+        ----------
+        estimate : Estimate
+            Estimate of this filter.
+        name : str
+            Name of a part of `error_layout`.
+
+        Returns
+        -------
+        ndarray, shape (size, size)
+            Covariance of the part.
         """
         where = self.error_layout.slices
         choice("name", name, list(where))
@@ -192,31 +258,45 @@ def shape_ekf(
 
     Parameters
     ----------
-    process : "random_walk" of q, or "white_acceleration" of q (state q, q_dot); or a `RandomWalk`
-        or `WhiteAcceleration`, which hold density, rate and acceleration
-    density : of the process noise, one number or one per weight: rad/(m √s), or of white
-        acceleration rad/(m s √s); after the time t its integral has the standard deviation
-        density √t
-    rate : standard deviation of q_dot, rad/(m s); needed by gyros and accelerometers in a random
-        walk
-    acceleration : standard deviation of q_ddot, rad/(m s²); needed by accelerometers
-    attitude : whether the parent's attitude is estimated; `predict` then takes "rate" (3, 1),
-        rad/s, the reading of a gyro at the root, root axes. Gyros on the wing read the root's
-        motion, too, and need the root input "twist"; accelerometers also "twist_rate", unless that
-        is small
-    root_gyro_density : noise of that gyro, rad/√s
-    gyro_bias : whether biases of the gyros on the wing, and of the root's, are estimated
-    bias_density : of their random walk, rad/(s √s)
-    root : numbers for what is known of the root's motion, gravity and magnetic field
-    root_inputs : what is an input of `update` instead, out of "attitude" (3, 3), "position" (3, 1),
-        "twist" (6, 1) and "twist_rate" (6, 1), as in `RootMotion`. The estimated bias of the root's
-        gyro is taken off the twist; its noise is not accounted for in the gyros on the wing
-    gate : largest innovation over its standard deviation; np.inf uses everything. From a wide start
-        a gate helps the linearization, too: in the runs with gyros above the mean was 1.03 with a
-        gate of 5, and 2.6 without. The three rows of an attitude sensor stand or fall together
-    iterations : linearizations of an update. One serves a filter that has converged; from a start
-        whose errors bend the readings (or a long gap) take five or more, in a second filter
-    name : the Functions are called <name>_predict and <name>_update
+    beam : Beam
+        Wing with numeric fields.
+    sensors : sequence of Sensor
+        Sensors on the wing.
+    process : {"random_walk", "white_acceleration"}, RandomWalk or WhiteAcceleration
+        "random_walk" of q, or "white_acceleration" of q (state q, q_dot). A `RandomWalk` or
+        `WhiteAcceleration` holds density, rate and acceleration.
+    density : float or array, shape (n,), optional
+        Density of the process noise, rad/(m √s), or of white acceleration rad/(m s √s); after the
+        time t its integral has the standard deviation density √t.
+    rate : float or array, shape (n,), optional
+        Standard deviation of q_dot, rad/(m s); needed by gyros and accelerometers in a random walk.
+    acceleration : float or array, shape (n,), optional
+        Standard deviation of q_ddot, rad/(m s²); needed by accelerometers.
+    attitude : bool
+        Whether the parent's attitude is estimated; `predict` then takes "rate" (3, 1), rad/s, the
+        reading of a gyro at the root, root axes. Gyros on the wing read the root's motion, too, and
+        need the root input "twist"; accelerometers also "twist_rate", unless that is small.
+    root_gyro_density : float, optional
+        Noise density of that gyro, rad/√s.
+    gyro_bias : bool
+        Whether biases of the gyros on the wing, and of the root's, are estimated.
+    bias_density : float, optional
+        Density of the random walk of the biases, rad/(s √s).
+    root : RootMotion, optional
+        Numbers for what is known of the root's motion, gravity and magnetic field.
+    root_inputs : sequence of str
+        What is an input of `update` instead, out of "attitude" (3, 3), "position" (3, 1), "twist"
+        (6, 1) and "twist_rate" (6, 1), as in `RootMotion`. The estimated bias of the root's gyro is
+        taken off the twist; its noise is not accounted for in the gyros on the wing.
+    gate : float
+        Largest innovation over its standard deviation; np.inf uses everything. From a wide start a
+        gate helps the linearization, too: in the runs with gyros above the mean was 1.03 with a
+        gate of 5, and 2.6 without. The three rows of an attitude sensor stand or fall together.
+    iterations : int
+        Linearizations of an update. One serves a filter that has converged; from a start whose
+        errors bend the readings (or after a long gap) take five or more, in a second filter.
+    name : str
+        The Functions are called <name>_predict and <name>_update.
 
     Returns
     -------

@@ -26,10 +26,19 @@ def run_ekf(
 
     Parameters
     ----------
-    start : `ShapeEkf.initial`, or an estimate to go on from
-    samples : (time, measured) or (time, measured, inputs): s; (m,) as in `ekf.channels`, NaN for
-        what there is no sample of, as for `ShapeEkf`; and "rate" and the `root_inputs` by name.
+    ekf : ShapeEkf
+        The filter.
+    start : Estimate
+        The result of `ShapeEkf.initial`, or an estimate to go on from.
+    samples : iterable of tuple
+        Tuples (time, measured) or (time, measured, inputs): the time, s; readings (m,) as in
+        `ekf.channels`, NaN where there is no sample; and "rate" and the `root_inputs` by name.
         Times may repeat.
+
+    Returns
+    -------
+    iterator of Estimate
+        One per sample.
 
     Raises
     ------

@@ -68,18 +68,37 @@ def fit_shape(
 
     Parameters
     ----------
-    measurements : (m,) as `measure` stacks them, or values by name of the sensor; NaN, and names
-        that are left out, are missing samples
-    q_dot, q_ddot : (n, 1), rad/(m s) and rad/(m s²), known; gyros and accelerometers need q_dot
-    root : motion of the root, gravity and magnetic field, as for `measure`
-    prior : mean μ (n,), rad/m, and P: one standard deviation, n, or a covariance (n, n)
-    loss : "squared", ρ = u²; "huber", linear beyond `loss_scale`; "cauchy", logarithmic. A
-        sensor then counts as in least squares reweighted by ρ'(u²) ≤ 1. The covariance takes these
-        weights for given, so that it is approximate; `chi_squared` is not reweighted
-    loss_scale : in standard deviations; 1.345 (huber) and 2.385 (cauchy) where None, which cost 5 %
-        of the efficiency on Gaussian noise of one reading
-    q_guess : (n, 1), rad/m, brought within the bounds; straight unless given
-    throw : whether a fit that does not converge raises; otherwise the result tells it
+    beam : Beam
+        Wing with numeric fields.
+    sensors : sequence of Sensor
+        Sensors on the wing.
+    measurements : array, shape (m,), or mapping of str to array
+        Readings as `measure` stacks them, or values by name of the sensor. NaN, and names that are
+        left out, are missing samples.
+    q_dot : array, shape (n, 1), optional
+        Known rates of the weights, rad/(m s); gyros and accelerometers need them.
+    q_ddot : array, shape (n, 1), optional
+        Known accelerations of the weights, rad/(m s²).
+    root : RootMotion, optional
+        Motion of the root, gravity and magnetic field, as for `measure`.
+    prior : tuple, optional
+        Mean μ (n,), rad/m, and P: one standard deviation, n of them, or a covariance (n, n).
+    loss : {"squared", "huber", "cauchy"}
+        "squared", ρ = u²; "huber", linear beyond `loss_scale`; "cauchy", logarithmic. A sensor then
+        counts as in least squares reweighted by ρ'(u²) ≤ 1. The covariance takes these weights for
+        given, so that it is approximate; `chi_squared` is not reweighted.
+    loss_scale : float, optional
+        Scale of the loss in standard deviations; 1.345 (huber) and 2.385 (cauchy) where None, which
+        cost 5 % of the efficiency on Gaussian noise of one reading.
+    q_guess : array, shape (n, 1), optional
+        Weights to start from, rad/m, brought within the bounds; straight unless given.
+    throw : bool
+        Whether a fit that does not converge raises; otherwise the result says so.
+
+    Returns
+    -------
+    ShapeFit
+        Weights with their covariance, and what is not seen.
 
     Raises
     ------

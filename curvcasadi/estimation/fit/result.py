@@ -23,28 +23,64 @@ _LIGHT = 0.5
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ShapeFit:
-    """Weights of maximum likelihood, what is known of them, and what is not."""
+    """Weights of maximum likelihood, what is known of them, and what is not.
 
-    beam: Beam  #: that was fitted
-    q: ca.DM  #: (n, 1), rad/m
-    #: (n, n), (rad/m)², prior included: the inverse of the information matrix. A weight that is not
-    #: seen has an infinite variance and NaN for covariances
+    Attributes
+    ----------
+    beam : Beam
+        Wing that was fitted.
+    q : DM, shape (n, 1)
+        Curvature weights, rad/m.
+    covariance : array, shape (n, n)
+        Covariance of the weights, (rad/m)², prior included: the inverse of the information matrix.
+        A weight that is not seen has an infinite variance and NaN for covariances.
+    information : array, shape (n, n)
+        Fisher information of the sensors alone, (rad/m)⁻², robust weights included.
+    rank : int
+        Number of combinations of weights, each known to pi/L or better, that sensors see.
+    unseen : tuple of str
+        The others, in words, a combination of weights each.
+    channels : Channels
+        Names and units of the residuals.
+    residuals : array, shape (r,)
+        Prediction minus measurement, `channels.residual_units`; NaN for missing samples.
+    normalized_residuals : array, shape (r,)
+        Residuals over the noise.
+    chi_squared : float
+        Sum of their squares, and of the distance from the prior.
+    degrees_of_freedom : int
+        Readings and prior minus weights that they move.
+    p_value : float
+        Probability of a larger χ² if the noise is as stated; NaN without degrees of freedom.
+    loss_weights : dict of str to float
+        Factor that a robust loss gave each sensor; NaN for a missing one.
+    active_bounds : tuple of str
+        Weights at a bound, which `covariance` treats as free.
+    converged : bool
+        Whether the descent ended at a minimum.
+    iterations : int
+        Gauss–Newton steps, of all starts.
+    message : str
+        Whether the readings fit, and what is not seen, in words.
+    """
+
+    beam: Beam
+    q: ca.DM
     covariance: Array
-    information: Array  #: (n, n), (rad/m)⁻², of the sensors alone, robust weights included
-    #: of `information`: combinations of weights, each known to pi/L or better, that sensors see
+    information: Array
     rank: int
-    unseen: tuple[str, ...]  #: the others, in words, a combination of weights each
-    channels: Channels  #: names and units of the residuals
-    residuals: Array  #: (r,), prediction minus measurement, `channels.residual_units`; NaN: missing
-    normalized_residuals: Array  #: (r,), over the noise
-    chi_squared: float  #: sum of their squares, and of the distance from the prior
-    degrees_of_freedom: int  #: readings and prior minus weights that they move
-    p_value: float  #: probability of a larger χ² if the noise is as stated; NaN if nothing is over
-    loss_weights: dict[str, float]  #: factor that a robust loss gave each sensor; NaN: missing
-    active_bounds: tuple[str, ...]  #: weights at a bound, which `covariance` takes for free
+    unseen: tuple[str, ...]
+    channels: Channels
+    residuals: Array
+    normalized_residuals: Array
+    chi_squared: float
+    degrees_of_freedom: int
+    p_value: float
+    loss_weights: dict[str, float]
+    active_bounds: tuple[str, ...]
     converged: bool
-    iterations: int  #: Gauss–Newton steps, of all starts
-    message: str  #: in words: whether the readings fit, and what is not seen
+    iterations: int
+    message: str
 
     @property
     def success(self) -> bool:
@@ -53,7 +89,7 @@ class ShapeFit:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Of the weights."""
+        """A name per weight."""
         return self.beam.basis.labels
 
     @cached_property
@@ -67,7 +103,13 @@ class ShapeFit:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     def summary(self) -> str:
-        """Weights with standard deviations, residuals by sensor, and the message."""
+        """Weights with standard deviations, residuals by sensor, and the message.
+
+        Returns
+        -------
+        str
+            Several lines.
+        """
         width = max(len(label) for label in self.labels)
         lines = ["weights, rad/m"]
         for label, value, deviation in zip(

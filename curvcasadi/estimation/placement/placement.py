@@ -33,23 +33,56 @@ class Placement:
 
     Expected standard deviations are those of the weights given one sample of the chosen sensors and
     the prior, root mean square over the shapes and motions.
+
+    Attributes
+    ----------
+    indices : tuple of int
+        Chosen candidates, increasing.
+    order : tuple of int
+        The same as greedily chosen; increasing where exact.
+    sensors : tuple of Sensor
+        Sensors of the chosen candidates, as `fit_shape` takes them.
+    gain : float
+        Log det of the information over that of the prior, nats.
+    bound : float
+        Gain that no choice exceeds, nats; the gain itself where exact.
+    cost : float or None
+        Cost of the chosen candidates; None without costs.
+    method : {"greedy", "exact"}
+        How they were chosen.
+    labels : tuple of str
+        A name per weight.
+    weight_deviations : array, shape (n,)
+        Expected standard deviations of the weights, rad/m.
+    prior_weight_deviations : array, shape (n,)
+        The same without sensors, rad/m.
+    deviations : ShapeDeviations
+        Expected standard deviations along the span.
+    prior_deviations : ShapeDeviations
+        The same without sensors.
+    unseen : tuple of str
+        Weights that the chosen sensors do not see, in words.
+    shape : Shape
+        The first shape.
+    candidate_stations : tuple of tuple of float
+        Stations s/L of the sensors of each candidate.
     """
 
-    indices: tuple[int, ...]  #: of the chosen candidates, increasing
-    order: tuple[int, ...]  #: the same as greedily chosen; increasing where exact
-    sensors: tuple[Sensor, ...]  #: of the chosen candidates, as `fit_shape` takes them
-    gain: float  #: log det of the information over that of the prior, nats
-    bound: float  #: gain that no choice exceeds, nats; the gain itself where exact
-    cost: float | None  #: of the chosen candidates; None without costs
+    indices: tuple[int, ...]
+    order: tuple[int, ...]
+    sensors: tuple[Sensor, ...]
+    gain: float
+    bound: float
+    cost: float | None
     method: Method
-    labels: tuple[str, ...]  #: of the weights
-    weight_deviations: Array  #: (n,), rad/m
-    prior_weight_deviations: Array  #: (n,), rad/m
-    deviations: ShapeDeviations  #: along the span
-    prior_deviations: ShapeDeviations  #: along the span, without sensors
-    unseen: tuple[str, ...]  #: weights that the chosen sensors do not see, in words
-    shape: Shape  #: the first shape
-    candidate_stations: tuple[tuple[float, ...], ...]  #: xi of the sensors of each candidate
+    labels: tuple[str, ...]
+    weight_deviations: Array
+    prior_weight_deviations: Array
+    deviations: ShapeDeviations
+    prior_deviations: ShapeDeviations
+    unseen: tuple[str, ...]
+    shape: Shape
+    candidate_stations: tuple[tuple[float, ...], ...]
 
     @property
     def guarantee(self) -> float:
@@ -71,7 +104,13 @@ class Placement:
         return f"gain {self.gain:.4g} nats over the prior, {quality} of {offered} candidates"
 
     def summary(self) -> str:
-        """What was chosen, and what it is expected to know."""
+        """What was chosen, and what it is expected to know.
+
+        Returns
+        -------
+        str
+            Several lines.
+        """
         width = max(len(label) for label in self.labels)
         rest = iter(self.sensors)
         groups = {i: islice(rest, len(self.candidate_stations[i])) for i in self.indices}
@@ -132,13 +171,30 @@ def place_sensors(
 
     Parameters
     ----------
-    candidates : sensors, or groups of sensors that are bought together, as an inertial unit is
-    shapes, rates, unknowns, root : as for `information_matrix`
-    prior : what is known without sensors: one standard deviation, rad/m, one for each unknown, or a
-        covariance P
-    costs : of each candidate, or one for all, in any unit
-    budget : on the sum of the costs; needs `costs`
-    method : "greedy", or "exact", which tries every set, 200 000 at most
+    beam : Beam
+        Wing with numeric fields.
+    candidates : sequence of Sensor or of sequences of Sensor
+        Sensors, or groups of sensors that are bought together, as an inertial unit is.
+    k : int, optional
+        Largest number of candidates; only the budget limits it where None.
+    shapes : array, shape (S, n) or (n,)
+        Curvature weights, rad/m, as for `information_matrix`.
+    prior : float or array, shape (n,) or (n, n)
+        What is known without sensors: one standard deviation, rad/m, one for each unknown, or a
+        covariance P.
+    rates, unknowns, root : optional
+        As of `information_matrix`.
+    costs : float or array, optional
+        Cost of each candidate, or one for all, in any unit.
+    budget : float, optional
+        Bound of the sum of the costs; needs `costs`.
+    method : {"greedy", "exact"}
+        "exact" tries every set, 200 000 at most.
+
+    Returns
+    -------
+    Placement
+        The choice, its gain, and what it is expected to know.
 
     Raises
     ------

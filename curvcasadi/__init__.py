@@ -44,6 +44,7 @@ from curvcasadi.aero import (
     IndicialLag,
     LiftingLine,
     OneMinusCosine,
+    Planform,
     SampledGust,
     StepGust,
     StripAerodynamics,
@@ -52,6 +53,7 @@ from curvcasadi.aero import (
     frozen_gust,
     kussner,
     mirror_aero,
+    planform,
     strip_forces,
 )
 from curvcasadi.aircraft import (
@@ -90,8 +92,10 @@ from curvcasadi.beam import (
     Steps,
     Tabulated,
     VectorBasis,
+    WingGeometry,
     condense_axial,
     mirror,
+    wing_root,
 )
 from curvcasadi.control import (
     ControlModel,
@@ -213,6 +217,7 @@ from curvcasadi.symbolic import (
 __version__ = "0.1.0"
 from curvcasadi.solvers import SqpSettings
 
+
 __all__ = [
     "Accelerometer",
     "AerodynamicLoad",
@@ -259,6 +264,7 @@ __all__ = [
     "Piecewise",
     "PiecewiseConstant",
     "Placement",
+    "Planform",
     "PointForce",
     "PointMoment",
     "Pose",
@@ -295,6 +301,7 @@ __all__ = [
     "WindowEstimate",
     "Wing",
     "WingFile",
+    "WingGeometry",
     "aircraft_wrench",
     "beam_model",
     "body_jacobian",
@@ -337,6 +344,7 @@ __all__ = [
     "modal_basis",
     "natural_frequencies",
     "place_sensors",
+    "planform",
     "pose_at",
     "pose_function",
     "reach_shape",
@@ -365,4 +373,5 @@ __all__ = [
     "trim_sweep",
     "trim_table",
     "vibration_modes",
+    "wing_root",
 ]

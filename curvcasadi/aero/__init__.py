@@ -13,6 +13,7 @@ from curvcasadi.aero.gust import (
 )
 from curvcasadi.aero.induced import LiftingLine
 from curvcasadi.aero.lag_states import IndicialLag
+from curvcasadi.aero.outline import Planform, planform
 from curvcasadi.aero.strip import ControlSurface, ExponentialTipLoss, StripAerodynamics, mirror_aero
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "IndicialLag",
     "LiftingLine",
     "OneMinusCosine",
+    "Planform",
     "SampledGust",
     "StepGust",
     "StripAerodynamics",
@@ -33,5 +35,6 @@ __all__ = [
     "frozen_gust",
     "kussner",
     "mirror_aero",
+    "planform",
     "strip_forces",
 ]

@@ -21,6 +21,7 @@ from curvcasadi.beam.families import (
     PiecewiseConstant,
     Tabulated,
 )
+from curvcasadi.beam.geometry import WingGeometry, wing_root
 from curvcasadi.beam.grid import (
     Grid,
 )
@@ -61,6 +62,8 @@ __all__ = [
     "Steps",
     "Tabulated",
     "VectorBasis",
+    "WingGeometry",
     "condense_axial",
     "mirror",
+    "wing_root",
 ]

@@ -217,7 +217,6 @@ from curvcasadi.symbolic import (
 __version__ = "0.1.0"
 from curvcasadi.solvers import SqpSettings
 
-
 __all__ = [
     "Accelerometer",
     "AerodynamicLoad",

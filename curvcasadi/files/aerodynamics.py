@@ -6,15 +6,15 @@ from itertools import pairwise
 
 from curvcasadi.aero import ControlSurface, ExponentialTipLoss, StripAerodynamics
 from curvcasadi.aero.strip import QUANTITIES
-from curvcasadi.beam.along import Steps
 from curvcasadi.files import toml_reader as toml
+from curvcasadi.files.sections import piecewise
 from curvcasadi.files.toml_reader import Key, Keys
 
 _QUANTITY = toml.NUMBER | toml.table_of("xi", "values")
 
 AERODYNAMICS = Keys(
     place="[beams.aerodynamics] and [surfaces.aerodynamics]",
-    meaning="Airfoil data: each a number, or a table of values for each interval of the span.",
+    meaning="Airfoil data: each a number, or a table of values along the span.",
     required={
         "chord": Key(_QUANTITY, "chord", "m"),
         "aerodynamic_center": Key(_QUANTITY, "distance ahead of the reference curve", "m"),
@@ -44,10 +44,14 @@ AERODYNAMICS = Keys(
 )
 VARIED = Keys(
     place="[beams.aerodynamics.<quantity>]",
-    meaning="A quantity that is constant in each of m intervals.",
+    meaning="A quantity that varies along the span, constant or linear between stations.",
     required={
-        "xi": Key(toml.NUMBERS, "boundaries of the intervals, from 0 to 1"),
-        "values": Key(toml.NUMBERS, "m values", "that of the quantity"),
+        "xi": Key(toml.NUMBERS, "m + 1 stations from 0 to 1"),
+        "values": Key(
+            toml.NUMBERS,
+            "m values, each constant between two stations, or m + 1, linear between stations",
+            "that of the quantity",
+        ),
     },
 )
 TIP_LOSS = Keys(
@@ -76,10 +80,10 @@ CONTROL = Keys(
 
 
 def read_strips(table: toml.Table) -> StripAerodynamics:
-    """Airfoil data: numbers, or a value for each interval of a table's `xi`."""
+    """Airfoil data: numbers, or tables along the span."""
     varied = [key for key in QUANTITIES if isinstance(table.content.get(key), dict)]
     values = table.read(AERODYNAMICS)
-    values |= {key: _steps(table.table(key)) for key in varied}
+    values |= {key: piecewise(table.table(key), VARIED) for key in varied}
     if "tip_loss" in values:
         values["tip_loss"] = _tip_loss(table.table("tip_loss"))
     values["controls"] = tuple(_control(entry) for entry in table.tables("controls"))
@@ -89,12 +93,6 @@ def read_strips(table: toml.Table) -> StripAerodynamics:
             for name in QUANTITIES:
                 strips.at(name, round((left + right) / 2, 12))
     return strips
-
-
-def _steps(table: toml.Table) -> Steps:
-    values = table.read(VARIED)
-    with table.owning_errors():
-        return Steps(**values)
 
 
 def _tip_loss(table: toml.Table) -> ExponentialTipLoss:

@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 from curvcasadi.files import toml_reader as toml
-from curvcasadi.files.sections import read_steps
+from curvcasadi.files.sections import read_varied
 from curvcasadi.files.toml_reader import Key, Keys
 from curvcasadi.loads import kinds as loads
 
@@ -96,7 +96,7 @@ def read_load(table: toml.Table) -> Any:
     name = table.one_of("type", tuple(LOAD_TYPES))
     keys = LOADS[name]
     if "xi" in keys.optional:
-        values = read_steps(table, keys, {"force", "moment"} & keys.required.keys())
+        values = read_varied(table, keys, {"force", "moment"} & keys.required.keys())
     else:
         values = table.read(keys)
     del values["type"]

@@ -1,7 +1,7 @@
-"""Tables of wing files for cross sections and bodies, and for what varies along the span in steps.
+"""Tables of wing files for cross sections and bodies, and for what varies along the span.
 
-With `xi`, boundaries of m intervals from 0 to 1, a key holds one value for the whole span or a list
-of m values, one for each interval.
+With `xi`, m + 1 stations from 0 to 1, a key holds one value for the whole span, a list of m values,
+each constant between two stations, or one of m + 1 values, linear between them.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Collection
 from itertools import pairwise
 from typing import Any
 
-from curvcasadi.beam.along import Steps
+from curvcasadi.beam.along import Piecewise
 from curvcasadi.beam.section import (
     COUPLINGS,
     RIGIDITIES,
@@ -51,9 +51,9 @@ _STIFFNESS = {
 _XI = {
     "xi": Key(
         toml.NUMBERS,
-        "boundaries of m intervals, from 0 to 1; every other key then holds one value for all, or "
-        "a list of m values",
-        default="one interval",
+        "m + 1 stations from 0 to 1; every other key then holds one value for all, a list of m "
+        "values, each constant between two stations, or of m + 1, linear between stations",
+        default="constant along the span",
     )
 }
 SECTION = Keys(
@@ -95,27 +95,39 @@ BODY = Keys(
 )
 
 
-def read_steps(table: toml.Table, keys: Keys, stepped: Collection[str]) -> dict[str, Any]:
-    """`Table.read`, with `Steps` for those of the keys `stepped` that hold a list over `xi`."""
+def read_varied(table: toml.Table, keys: Keys, varied: Collection[str]) -> dict[str, Any]:
+    """`Table.read`, with `Piecewise` for those of the keys `varied` that hold a list over `xi`."""
     xi = table.content.get("xi")
     if xi is not None and toml.NUMBERS.accepts(xi):
         with table.owning_errors():
-            Steps(xi, xi[1:])
+            Piecewise(xi, xi)
     intervals = len(xi) - 1 if isinstance(xi, list) else None
-    kinds = {name: _per_interval(keys.all[name].kind, intervals) for name in stepped}
+    kinds = {name: _along(keys.all[name].kind, intervals) for name in varied}
     values = table.read(keys.with_kinds(kinds))
-    boundaries = values.pop("xi", [])
-    return {
-        name: value if keys.all[name].kind.accepts(value) else Steps(boundaries, value)
-        for name, value in values.items()
-    }
+    stations = values.pop("xi", [])
+    with table.owning_errors():
+        return {
+            name: value if keys.all[name].kind.accepts(value) else Piecewise(stations, value)
+            for name, value in values.items()
+        }
 
 
-def _per_interval(kind: toml.Kind, intervals: int | None) -> toml.Kind:
+def piecewise(table: toml.Table, keys: Keys) -> Piecewise:
+    """A quantity along the span of a table {xi, values}."""
+    values = table.read(keys)
+    with table.owning_errors():
+        return Piecewise(**values)
+
+
+def _along(kind: toml.Kind, intervals: int | None) -> toml.Kind:
     if intervals is None:
         return kind
-    each = f"a list of {intervals} of these, one for each interval of xi"
-    return kind | toml.list_of(kind, each, intervals)
+    each = (
+        f"a list of {intervals} of these, one for each interval of xi, "
+        f"or {intervals + 1}, one for each station"
+    )
+    constant, linear = (toml.list_of(kind, each, count) for count in (intervals, intervals + 1))
+    return kind | toml.Kind(each, lambda value: constant.accepts(value) or linear.accepts(value))
 
 
 def read_section(table: toml.Table) -> Section:
@@ -127,7 +139,7 @@ def read_section(table: toml.Table) -> Section:
             f"found stiffness and {', '.join(by_entries)}"
         )
     keys = SECTION_BY_MATRIX if "stiffness" in table.content else SECTION
-    values = read_steps(table, keys, keys.all.keys() - {"xi"})
+    values = read_varied(table, keys, keys.all.keys() - {"xi"})
     with table.owning_errors():
         section = _section(values)
         _check(section)
@@ -138,8 +150,8 @@ def _section(values: dict[str, Any]) -> Section:
     if "stiffness" not in values:
         return Section(**values)
     stiffness = values.pop("stiffness")
-    if isinstance(stiffness, Steps):
-        stiffness = Steps(stiffness.xi, [_condensed(matrix) for matrix in stiffness.values])
+    if isinstance(stiffness, Piecewise):
+        stiffness = Piecewise(stiffness.xi, [_condensed(matrix) for matrix in stiffness.values])
     else:
         stiffness = _condensed(stiffness)
     return Section.from_stiffness(stiffness, **values)

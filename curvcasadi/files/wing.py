@@ -18,12 +18,13 @@ from curvcasadi.beam import families
 from curvcasadi.beam.basis import CHANNELS, ChannelBasis
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.compliance import ComplianceBasis
+from curvcasadi.beam.geometry import WingGeometry, wing_root
 from curvcasadi.beam.grid import Grid
 from curvcasadi.beam.pose import Pose
 from curvcasadi.beam.section import Section
 from curvcasadi.files import toml_reader as toml
 from curvcasadi.files.loads import read_load
-from curvcasadi.files.sections import read_body, read_section
+from curvcasadi.files.sections import piecewise, read_body, read_section
 from curvcasadi.files.toml_reader import Key, Keys
 from curvcasadi.lie import so3
 from curvcasadi.symbolic.expressions import rotation_matrix
@@ -92,6 +93,11 @@ BEAM = Keys(
             "place and attitude of the local axes at xi = 0, parent axes",
             default="at the origin, local axes = parent axes",
         ),
+        "geometry": Key(
+            toml.table_of("position", "sweep", "dihedral", "twist"),
+            "instead of root and initial_curvature: angles along the span",
+            default="by root and initial_curvature",
+        ),
         "initial_curvature": Key(
             toml.VECTOR | toml.table_of("xi", "values"),
             "curvature K_x, K_y, K_z of the unloaded wing, local axes",
@@ -107,17 +113,54 @@ BEAM = Keys(
     },
     describes=Beam,
 )
+_ANGLE = toml.NUMBER | toml.table_of("xi", "values")
+_GEOMETRY_ANGLES = {
+    "sweep": Key(_ANGLE, "of the reference curve, positive tip aft; m values of a table", "rad"),
+    "dihedral": Key(_ANGLE, "positive tip up; m values of a table", "rad"),
+    "twist": Key(
+        _ANGLE, "of the section, positive leading edge up; m + 1 values of a table", "rad"
+    ),
+}
+GEOMETRY = Keys(
+    place="[beam.geometry]",
+    meaning="The unloaded wing by its angles in body axes. Sweep and dihedral are constant between "
+    "stations, with kinks where they change; twist is linear between them.",
+    optional={
+        "side": Key(toml.TEXT, "`right` or `left`"),
+        "position": Key(toml.VECTOR, "of the root, body axes", "m"),
+        **_GEOMETRY_ANGLES,
+        "kink": Key(toml.NUMBER, "share of the span over which a kink is bent"),
+    },
+    describes=WingGeometry,
+)
+GEOMETRY_TABLE = Keys(
+    place="[beam.geometry.<angle>]",
+    meaning="An angle that varies along the span.",
+    required={
+        "xi": Key(toml.NUMBERS, "m + 1 stations from 0 to 1"),
+        "values": Key(toml.NUMBERS, "m values, or m + 1 of twist", "rad"),
+    },
+)
+_ROOT_ANGLES = {
+    "side": Key(
+        toml.TEXT, "`right` or `left`; then the axes are those of a half wing", default="right"
+    ),
+    "sweep": Key(toml.NUMBER, "positive tip aft", "rad", "0"),
+    "dihedral": Key(toml.NUMBER, "positive tip up", "rad", "0"),
+    "incidence": Key(toml.NUMBER, "positive leading edge up", "rad", "0"),
+}
 ROOT = Keys(
     place="[beam.root]",
-    meaning="A pose: a position, and a rotation or a rotation vector.",
+    meaning="A pose: a position, and a rotation, a rotation vector, or angles of a half wing.",
     required={"position": Key(toml.VECTOR, "of the origin of the axes", "m")},
     optional={
         "rotation": Key(
             toml.MATRIX,
             "rotation matrix, whose columns are the local axes",
-            default="by rotation_vector",
+            default="by another key",
         ),
-        "rotation_vector": Key(toml.VECTOR, "axis times angle", "rad", "by rotation"),
+        "rotation_vector": Key(toml.VECTOR, "axis times angle", "rad", "by another key"),
+        **_ROOT_ANGLES,
     },
 )
 INITIAL_CURVATURE = Keys(
@@ -273,6 +316,13 @@ def beam_values_of(table: toml.Table) -> dict[str, Any]:
     for key, reader in readers.items():
         if isinstance(values.get(key), dict):
             values[key] = reader(table.table(key))
+    if "geometry" in values:
+        for key in ("root", "initial_curvature"):
+            if key in values:
+                raise table.error(f"geometry: expected no {key} beside it, found both")
+        geometry = _geometry(table.table("geometry"), values["length"])
+        del values["geometry"]
+        values |= {"root": geometry.root, "initial_curvature": geometry.initial_curvature}
     return values
 
 
@@ -307,18 +357,32 @@ def grid_of(table: toml.Table) -> Grid:
 
 def root_of(table: toml.Table) -> Pose:
     values = table.read(ROOT)
-    given = [key for key in ROOT.optional if key in values]
-    if len(given) != 1:
+    angles = {key: value for key, value in values.items() if key in _ROOT_ANGLES}
+    given = [key for key in ("rotation", "rotation_vector") if key in values]
+    if len(given) + bool(angles) != 1:
+        found = ", ".join([*given, *angles]) or "none of them"
         raise table.error(
-            f"expected rotation or rotation_vector, found {'both' if given else 'neither'}"
+            "expected rotation, rotation_vector, or side, sweep, dihedral and incidence; "
+            f"found {found}"
         )
     with table.owning_errors():
+        if angles:
+            return wing_root(position=values["position"], **angles)
         rotation = (
             rotation_matrix("rotation", values["rotation"])
             if "rotation" in values
             else so3.exp(ca.DM(values["rotation_vector"]))
         )
         return Pose(rotation=rotation, position=values["position"])
+
+
+def _geometry(table: toml.Table, length: float) -> WingGeometry:
+    values = table.read(GEOMETRY)
+    for name in _GEOMETRY_ANGLES:
+        if isinstance(values.get(name), dict):
+            values[name] = piecewise(table.table(name), GEOMETRY_TABLE)
+    with table.owning_errors():
+        return WingGeometry(length=length, **values)
 
 
 def _initial_curvature(table: toml.Table) -> families.Tabulated:

@@ -8,7 +8,6 @@ import pytest
 
 from curvcasadi.aero import ExponentialTipLoss
 from curvcasadi.aircraft.trim import trim
-from curvcasadi.beam.along import Steps
 from curvcasadi.files import load_beam
 from curvcasadi.files.aircraft import load_aircraft
 from curvcasadi.loads.kinds import PointForce
@@ -60,8 +59,14 @@ def test_body_has_mass_position_and_inertia(aircraft):
 def test_airfoil_data_may_differ_by_interval(aircraft):
     steps = "chord = { xi = [0, 0.25, 1], values = [1.0, 0.8] }"
     strips = load_aircraft(aircraft({"chord = 1.0": steps})).beams[0].strips
-    assert isinstance(strips.chord, Steps)
     assert (strips.chord(0.1), strips.chord(0.9), strips.breaks) == (1.0, 0.8, (0.25,))
+
+
+def test_airfoil_data_may_be_linear_between_stations(aircraft):
+    taper = "chord = { xi = [0, 0.5, 1], values = [1.0, 0.8, 0.4] }"
+    strips = load_aircraft(aircraft({"chord = 1.0": taper})).beams[0].strips
+    assert strips.chord(0.25) == pytest.approx(0.9, rel=1e-15)
+    assert strips.chord(0.75) == pytest.approx(0.6, rel=1e-15)
 
 
 def test_tip_loss_and_upper_side_are_read(aircraft):

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from curvcasadi.beam.along import Steps
+from curvcasadi.beam.along import Piecewise, Steps
 from curvcasadi.beam.compliance import ComplianceBasis
 from curvcasadi.beam.families import (
     BSpline,
@@ -22,6 +22,7 @@ from curvcasadi.beam.families import (
     PiecewiseConstant,
     Tabulated,
 )
+from curvcasadi.beam.geometry import WingGeometry, wing_root
 from curvcasadi.beam.section import Section, condense_axial
 from curvcasadi.files import (
     FAMILIES,
@@ -101,6 +102,54 @@ class TestWingFile:
         expected = shape_map(published, q).positions.full()
         # The same numbers by the same code.
         np.testing.assert_array_equal(shape_map(beam, q).positions.full(), expected)
+
+    def test_the_root_may_be_angles_of_a_half_wing(self, wing):
+        root = "root = { position = [1, -2, 0], side = 'left', sweep = 0.3, incidence = 0.05 }"
+        beam = load_beam(wing(beam=f"length = 5\n{root}"))
+        expected = wing_root(side="left", sweep=0.3, incidence=0.05, position=[1, -2, 0])
+        np.testing.assert_array_equal(beam.root.rotation.full(), expected.rotation.full())
+        np.testing.assert_array_equal(beam.root.position.full(), expected.position.full())
+
+    def test_a_geometry_stands_for_root_and_initial_curvature(self, wing):
+        text = """length = 5
+            [beam.geometry]
+            position = [0, 0.5, 0]
+            sweep = 0.1
+            dihedral = { xi = [0, 0.5, 1], values = [0, 0.3] }
+            twist = { xi = [0, 0.5, 1], values = [0.1, 0.05, 0] }"""
+        beam = load_beam(wing(beam=text))
+        expected = WingGeometry(
+            length=5,
+            sweep=0.1,
+            dihedral=Piecewise([0, 0.5, 1], [0, 0.3]),
+            twist=Piecewise([0, 0.5, 1], [0.1, 0.05, 0]),
+            position=[0, 0.5, 0],
+        )
+        np.testing.assert_array_equal(beam.root.rotation.full(), expected.root.rotation.full())
+        for xi in (0.2, 0.5005, 0.8):
+            np.testing.assert_array_equal(
+                beam.initial_curvature_at(xi).full().ravel(), expected.initial_curvature(xi)
+            )
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("sweep = 20", "[beam.geometry] sweep: expected an angle between -π/2 and π/2, rad, "),
+            ("sweap = 0.2", "[beam.geometry] sweap: expected one of the keys side, position, sw"),
+            ("twist = { xi = [0, 1], values = [0.1] }",
+             "[beam.geometry] twist: expected a number or a Piecewise with one value per station"),
+            ("twist = { xi = [0, 1] }", "[beam.geometry.twist] values: expected a list of finite"),
+        ],
+    )  # fmt: skip
+    def test_a_wrong_geometry_is_named(self, wing, text, message):
+        refused(path := wing(beam=f"length = 5\n[beam.geometry]\n{text}"), message)
+        assert path.exists()
+
+    def test_a_geometry_beside_a_root_is_refused(self, wing):
+        text = (
+            "length = 5\nroot = { position = [0, 0, 0], sweep = 0.1 }\n[beam.geometry]\nsweep = 1"
+        )
+        refused(wing(beam=text), "[beam] geometry: expected no root beside it, found both")
 
     @pytest.mark.parametrize(
         ("text", "family"),
@@ -191,7 +240,7 @@ class TestWingFile:
             ({"grid": None}, "grid: expected a table, found no such key"),
             ({"baem": ""}, "baem: expected one of the keys beam, basis, grid, section, "
              "bodies, loads, sensors, estimation; found an unknown key, nearest to beam"),
-            ({"beam": "lenght = 2.0"}, "[beam] lenght: expected one of the keys length, root, "
+            ({"beam": "lenght = 2.0"}, "[beam] lenght: expected one of the keys length, root, geometry, "
              "initial_curvature, weight_bounds; found an unknown key, nearest to length"),
             ({"beam": ""}, "[beam] length: expected a finite number, found no such key"),
             ({"beam": "length = '2'"}, "[beam] length: expected a finite number, found '2'"),
@@ -260,10 +309,12 @@ class TestWingFile:
         ("text", "message"),
         [
             ("root = { position = [0, 0, 0] }",
-             "[beam.root] expected rotation or rotation_vector, found neither"),
+             "[beam.root] expected rotation, rotation_vector, or side, sweep, dihedral and "
+             "incidence; found none of them"),
             ("root = { position = [0, 0, 0], rotation_vector = [0, 0, 0], "
              "rotation = [[1, 0, 0], [0, 1, 0], [0, 0, 1]] }",
-             "[beam.root] expected rotation or rotation_vector, found both"),
+             "[beam.root] expected rotation, rotation_vector, or side, sweep, dihedral and "
+             "incidence; found rotation, rotation_vector"),
             ("root = { rotation_vector = [0, 0, 0] }",
              "[beam.root] position: expected 3 finite numbers, found no such key"),
             ("root = { position = [0, 0], rotation_vector = [0, 0, 0] }",
@@ -374,9 +425,9 @@ class TestSectionTable:
         ("section", "message"),
         [
             ("EI_y = 1\nEI_z = 1\nGJ = [1, 2]", "GJ: expected a finite number, found [1, 2]"),
-            ("xi = [0, 0.5, 1]\nGJ = [1, 2, 3]\nEI_y = 1\nEI_z = 1",
+            ("xi = [0, 0.5, 1]\nGJ = [1, 2, 3, 4]\nEI_y = 1\nEI_z = 1",
              "GJ: expected a finite number or a list of 2 of these, one for each interval of xi, "
-             "found [1, 2, 3]"),
+             "or 3, one for each station, found [1, 2, 3, 4]"),
             ("xi = [0, 0.5]\nGJ = [1]\nEI_y = 1\nEI_z = 1",
              "xi: expected increasing stations that cover 0 to 1"),
             ("xi = [0, 0.6, 0.5, 1]\nGJ = [1, 1, 1]\nEI_y = 1\nEI_z = 1",
@@ -483,7 +534,7 @@ class TestLoads:
              "nearest to moment"),
             ('type = "distributed_force"\nxi = [0, 0.5, 1]\nforce = [[0, 0, 1]]',
              "force: expected 3 finite numbers in N/m or a list of 2 of these, one for each "
-             "interval of xi, found [[0, 0, 1]]"),
+             "interval of xi, or 3, one for each station, found [[0, 0, 1]]"),
             ('type = "distributed_moment"\nxi = [0.5, 1]\nmoment = [[0, 0, 1]]',
              "xi: expected increasing stations that cover 0 to 1, found [0.5, 1.0]"),
         ],

@@ -40,12 +40,24 @@ from curvcasadi.symbolic.expressions import station as checked_station
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Flow:
-    """The air, and the motion of the parent frame through it. Fields may be symbols."""
+    """The air, and the motion of the parent frame through it. Fields may be symbols.
 
-    density: Number  #: kg/m³
-    velocity: Number = (0.0, 0.0, 0.0)  #: of the parent's origin, (3,), m/s, parent axes
-    angular_rate: Number = (0.0, 0.0, 0.0)  #: of the parent frame, (3,), rad/s, parent axes
-    wind: Number = (0.0, 0.0, 0.0)  #: velocity of the air, (3,), m/s, inertial axes
+    Attributes
+    ----------
+    density : float or symbol
+        Density of the air, kg/m³.
+    velocity : array or symbol, shape (3,)
+        Velocity of the parent's origin, m/s, parent axes.
+    angular_rate : array or symbol, shape (3,)
+        Angular rate of the parent frame, rad/s, parent axes.
+    wind : array or symbol, shape (3,)
+        Velocity of the air, m/s, inertial axes.
+    """
+
+    density: Number
+    velocity: Number = (0.0, 0.0, 0.0)
+    angular_rate: Number = (0.0, 0.0, 0.0)
+    wind: Number = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         positive("Flow.density", self.density, zero=True)
@@ -85,12 +97,24 @@ def _about_parent(rotation: AnyExpr, position: AnyExpr, local: AnyExpr) -> AnyEx
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AerodynamicLoad(Load):
-    """Airloads on a beam: quasi-steady, strip by strip, with the induced flow of a lifting line."""
+    """Airloads on a beam: quasi-steady, strip by strip, with the induced flow of a lifting line.
+
+    Attributes
+    ----------
+    strips : StripAerodynamics
+        Airfoil data along the span.
+    flow : Flow
+        The air, and the motion of the parent frame.
+    deflections : mapping of str to float or symbol
+        Deflections of control surfaces by name, rad; others are zero.
+    induced_flow : LiftingLine or None
+        Without one every strip is on its own.
+    """
 
     strips: StripAerodynamics
     flow: Flow
-    deflections: Mapping[str, Number] = field(default_factory=dict)  #: rad; others are zero
-    induced_flow: LiftingLine | None = None  #: without one every strip is on its own
+    deflections: Mapping[str, Number] = field(default_factory=dict)
+    induced_flow: LiftingLine | None = None
 
     wrench = staticmethod(strip_wrench)
 
@@ -174,14 +198,30 @@ def _on_wing(
 
 
 class StripForces(NamedTuple):
-    """Airloads along the span, a column per station."""
+    """Airloads along the span, a column per station.
 
-    xi: Array  #: (N,)
-    angle_of_attack: AnyExpr  #: (1, N), rad, of the section in the air that the wing leaves alone
-    lift: AnyExpr  #: (1, N), N/m, normal to the local velocity in the section plane
-    drag: AnyExpr  #: (1, N), N/m, along it; that of the induced flow included
-    moment: AnyExpr  #: (1, N), N, nose-up about the aerodynamic centre
-    induced_angle: AnyExpr  #: (1, N), rad, that the induced flow adds; below zero for a downwash
+    Attributes
+    ----------
+    xi : array, shape (N,)
+        Stations s/L.
+    angle_of_attack : SX, MX or DM, shape (1, N)
+        Angle of attack of the section, rad, in the air that the wing leaves alone.
+    lift : SX, MX or DM, shape (1, N)
+        Lift per length, N/m, normal to the local velocity in the section plane.
+    drag : SX, MX or DM, shape (1, N)
+        Drag per length, N/m, along that velocity; that of the induced flow included.
+    moment : SX, MX or DM, shape (1, N)
+        Moment per length, N, nose-up about the aerodynamic centre.
+    induced_angle : SX, MX or DM, shape (1, N)
+        Angle that the induced flow adds, rad; below zero for a downwash.
+    """
+
+    xi: Array
+    angle_of_attack: AnyExpr
+    lift: AnyExpr
+    drag: AnyExpr
+    moment: AnyExpr
+    induced_angle: AnyExpr
 
 
 def strip_forces(

@@ -29,15 +29,33 @@ from curvcasadi.symbolic.expressions import (
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ControlSurface:
-    """Increments of the coefficients between two stations, per angle of deflection."""
+    """Increments of the coefficients between two stations, per angle of deflection.
 
-    name: str  #: of the input that deflects it, rad
-    lift: Number  #: increment of the lift coefficient, 1/rad
-    moment: Number = 0.0  #: of the moment coefficient, nose-up positive, 1/rad
-    drag: Number = 0.0  #: of the drag coefficient, 1/rad
-    start: float = 0.0  #: station s/L
-    end: float = 1.0  #: station s/L
-    antisymmetric: bool = False  #: deflects the other way on a mirrored wing, as ailerons do
+    Attributes
+    ----------
+    name : str
+        Name of the input that deflects it, rad.
+    lift : float or symbol
+        Increment of the lift coefficient, 1/rad.
+    moment : float or symbol
+        Increment of the moment coefficient, nose-up positive, 1/rad.
+    drag : float or symbol
+        Increment of the drag coefficient, 1/rad.
+    start : float
+        Station s/L at which it begins.
+    end : float
+        Station s/L at which it ends.
+    antisymmetric : bool
+        Whether it deflects the other way on a mirrored wing, as ailerons do.
+    """
+
+    name: str
+    lift: Number
+    moment: Number = 0.0
+    drag: Number = 0.0
+    start: float = 0.0
+    end: float = 1.0
+    antisymmetric: bool = False
 
     def __post_init__(self) -> None:
         own_fields(self)
@@ -53,9 +71,15 @@ class ControlSurface:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ExponentialTipLoss:
-    """Factor 1 − exp(−decay (1 − xi)) on the lift coefficient; it vanishes at the tip."""
+    """Factor 1 − exp(−decay (1 − xi)) on the lift coefficient; it vanishes at the tip.
 
-    decay: Number  #: lift is 63 % of the strip's at a fraction 1/decay of the length from the tip
+    Attributes
+    ----------
+    decay : float or symbol
+        Lift is 63 % of the strip's at a fraction 1/decay of the length from the tip.
+    """
+
+    decay: Number
 
     def __post_init__(self) -> None:
         positive("ExponentialTipLoss.decay", self.decay)
@@ -79,21 +103,47 @@ class StripAerodynamics:
 
     A quantity is a number, a CasADi symbol, or a function of xi = s/L that returns one; a function
     with jumps has `breaks`, as `Steps` has.
+
+    Attributes
+    ----------
+    chord : float, symbol or callable
+        Chord, m.
+    aerodynamic_center : float, symbol or callable
+        Distance of the aerodynamic centre ahead of the reference curve (along local y), m.
+    lift_slope : float, symbol or callable
+        Slope of the lift coefficient, 1/rad; 2 π of a thin airfoil.
+    zero_lift_angle : float, symbol or callable
+        Angle of attack without lift, rad; below zero for positive camber.
+    profile_drag : float, symbol or callable
+        Drag coefficient of the profile.
+    moment_coefficient : float, symbol or callable
+        Moment coefficient about the aerodynamic centre, nose-up positive.
+    controls : tuple of ControlSurface
+        Control surfaces.
+    moment_slope : float, symbol or callable
+        Slope of the moment coefficient about the aerodynamic centre, nose-up positive, 1/rad.
+    suction : float, symbol or callable
+        Part of the leading-edge suction that is there: with 1 lift stands normal to the flow, with
+        0 normal to the chord.
+    stations : int
+        Number of aerodynamic stations; more where breaks leave more intervals.
+    upper_side : {1, -1}
+        1 where local z points out of the upper side (right wing), -1 where out of the lower one.
+    tip_loss : ExponentialTipLoss or None
+        Factor on the lift coefficient.
     """
 
-    chord: Number  #: m
-    aerodynamic_center: Number  #: distance ahead of the reference curve (along local y), m
-    lift_slope: Number  #: 1/rad; 2 π of a thin airfoil
-    zero_lift_angle: Number = 0.0  #: α without lift, rad; below zero for positive camber
+    chord: Number
+    aerodynamic_center: Number
+    lift_slope: Number
+    zero_lift_angle: Number = 0.0
     profile_drag: Number = 0.0
-    moment_coefficient: Number = 0.0  #: about the aerodynamic centre, nose-up positive
+    moment_coefficient: Number = 0.0
     controls: tuple[ControlSurface, ...] = ()
-    moment_slope: Number = 0.0  #: of the moment about the aerodynamic centre, nose-up, 1/rad
-    #: part of the leading-edge suction that is there: with 1 lift stands normal to the flow, with 0
-    #: normal to the chord
+    moment_slope: Number = 0.0
     suction: Number = 1.0
-    stations: int = 6  #: aerodynamic stations; more where breaks leave more intervals
-    upper_side: int = 1  #: +1: local z points out of the upper side (right wing), −1: the lower
+    stations: int = 6
+    upper_side: int = 1
     tip_loss: ExponentialTipLoss | None = None
     _quantities: dict[str, Along] = field(init=False, repr=False)
 
@@ -121,7 +171,20 @@ class StripAerodynamics:
         return tuple(sorted(x for x in points if 0 < x < 1))
 
     def at(self, name: str, xi: float) -> AnyExpr:
-        """One of `QUANTITIES` at a station."""
+        """A quantity of the airfoil data at a station.
+
+        Parameters
+        ----------
+        name : str
+            Name of a field such as "chord".
+        xi : float
+            Station s/L in [0, 1].
+
+        Returns
+        -------
+        SX, MX or DM, shape (1, 1)
+            Its value.
+        """
         return self._quantities[name](xi)
 
     @property
@@ -148,6 +211,16 @@ def mirror_aero(strips: StripAerodynamics) -> StripAerodynamics:
 
     Local z of a mirrored beam points out of the other side of the airfoil; x and y, and with them
     chord and aerodynamic centre, are mirror images. Antisymmetric surfaces deflect the other way.
+
+    Parameters
+    ----------
+    strips : StripAerodynamics
+        Airfoil data of one half wing.
+
+    Returns
+    -------
+    StripAerodynamics
+        Airfoil data of the other one.
     """
     controls = tuple(
         replace(c, lift=-c.lift, moment=-c.moment, drag=-c.drag) if c.antisymmetric else c

@@ -96,8 +96,7 @@ class ChannelBasis:
 
     @property
     def tip_orders(self) -> dict[str, int]:
-        """Order of the zero at the tip of each channel whose functions vanish there, as `FreeTip`'s
-        do."""
+        """Order of the zero at the tip of each channel whose functions vanish there."""
         orders = {name: getattr(family, "tip_order", 0) for name, _, family in self._channels()}
         return {name: order for name, order in orders.items() if order}
 

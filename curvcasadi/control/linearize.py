@@ -58,6 +58,11 @@ class LinearModel:
     def to_control(self) -> Any:
         """A `control.StateSpace` of python-control with named states, inputs and outputs.
 
+        Returns
+        -------
+        control.StateSpace
+            With named states, inputs and outputs.
+
         Raises
         ------
         ImportError
@@ -78,7 +83,13 @@ class LinearModel:
         return control.ss(self.A, self.B, self.C, self.D, name=model.name, **names)
 
     def save_mat(self, path: str | Path) -> None:
-        """Write A, B, C, D, B_p, D_p, x, u, p and the labels to a MATLAB file."""
+        """Write the matrices, the point at which they hold and the labels to a MATLAB file.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write.
+        """
         from scipy.io import savemat
 
         model = self.model
@@ -121,6 +132,7 @@ def linearize(
     Returns
     -------
     LinearModel
+        Matrices, and the point at which they hold.
     """
     instance("model", model, ControlModel)
     at = [

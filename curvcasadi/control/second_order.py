@@ -44,6 +44,7 @@ def second_order_model(
     Returns
     -------
     ControlModel
+        With `second_order`.
     """
     symbols = {key: ca.MX.sym(key, s.size) for key, s in (("x", x), ("u", u), ("p", p))}
     state, control, parameter = symbols.values()

@@ -96,7 +96,9 @@ def vibration_modes(
 
     Parameters
     ----------
-    beam, q, loads, root
+    beam : Beam
+        As for `natural_frequencies`.
+    q, loads, root : optional
         As for `natural_frequencies`.
 
     Returns

@@ -47,7 +47,7 @@ def shape_target_function(
     qp_solver: str = "qrqp",
     settings: SqpSettings | None = None,
 ) -> ca.Function:
-    """`reach_shape` as one Function, that becomes self-contained C.
+    """`reach_shape` as one Function, which becomes self-contained C.
 
     The unweighted targets e(q) = 0, over xi² for positions and xi for attitudes, are met by the
     method of multipliers: with y ← y + e, each stage minimizes
@@ -62,17 +62,30 @@ def shape_target_function(
 
     Parameters
     ----------
-    targets : stations and kinds; their numbers arrive as inputs
-    regularization : where every target is weighted. Gauss–Newton converges slowly where residuals
-        stay: for targets that may be out of reach take 1e-4, and 1e-3 with `iterations`, whose full
-        steps wander with less
-    iterations : None to converge; k for k quadratic programs with full steps, from the last
-        solution as guess, where every target is weighted
-    max_iter : of one stage; there are six of them (with `Grid(real="float")` three), or one
-    qp_solver : "qrqp", which alone becomes self-contained C; where curvature bounds or element
-        angles are active it may give up, and `violation` tells: "qpoases" does not. Without weight
-        bounds that keep the elements within their angle these are constraints, and cost much
-    settings : iterations, max_iter and qp_solver in one object, in place of these
+    beam : Beam
+        Beam with numeric fields.
+    targets : sequence of Target
+        Stations and kinds; their numbers arrive as inputs.
+    name : str
+        Name of the Function, also in generated C.
+    curvature_bound, regularizer : optional
+        As of `reach_shape`.
+    regularization : float
+        As of `reach_shape`. Where every target is weighted, Gauss–Newton converges slowly if
+        residuals stay: for targets that may be out of reach take 1e-4, and 1e-3 with `iterations`,
+        whose full steps wander with less.
+    iterations : int, optional
+        None to converge; k for k quadratic programs with full steps, from the last solution as
+        guess, where every target is weighted.
+    max_iter : int
+        Iterations of one stage at most; there are six stages (with `Grid(real="float")` three), or
+        one.
+    qp_solver : str
+        "qrqp", which alone becomes self-contained C; where curvature bounds or element angles are
+        active it may give up, and `violation` says so: "qpoases" does not. Without weight bounds
+        that keep the elements within their angle, these are constraints, which cost much.
+    settings : SqpSettings, optional
+        Values of iterations, max_iter and qp_solver in one object, in place of these.
 
     Returns
     -------

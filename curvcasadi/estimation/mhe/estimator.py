@@ -51,18 +51,39 @@ _WHY = {
 
 
 class WindowEstimate(NamedTuple):
-    """What a window of samples says, and what the next one starts from."""
+    """What a window of samples says, and what the next one starts from.
 
-    time: float  #: s, of the newest sample
-    state: Array  #: (x,), at that time, parts as in `ShapeMhe.layout`
-    states: Array  #: (x, k), at all times of the window so far, one a column
-    arrival_mean: Array  #: (x,), at the start of the next window, from samples before it
-    arrival_factor: Array  #: (x, x), of its covariance: U D Uᵀ, upper triangular, D on the diagonal
-    guess: Array  #: (v, N + 1), of the next window
-    violation: float = 0.0  #: of the bounds, over its tolerance
-    stationarity: float = 0.0  #: bound of the distance to the optimum, over its tolerance
-    #: (r,), of the newest sample: 1 where there is one, 0 where it is missing. A bearing of a point
-    #: that the window finds out of the camera's view has 1, but no part in the estimate
+    Attributes
+    ----------
+    time : float
+        Time of the newest sample, s.
+    state : array, shape (x,)
+        State at that time, parts as in `ShapeMhe.layout`.
+    states : array, shape (x, k)
+        States at all times of the window so far, one a column.
+    arrival_mean : array, shape (x,)
+        Mean at the start of the next window, from samples before it.
+    arrival_factor : array, shape (x, x)
+        Its covariance U D Uᵀ, upper triangular with D on the diagonal.
+    guess : array, shape (v, N + 1)
+        Guess of the next window.
+    violation : float
+        Violation of the bounds over its tolerance.
+    stationarity : float
+        Bound of the distance to the optimum over its tolerance.
+    used : array, shape (r,)
+        Of the newest sample, 1 where there is one, 0 where it is missing. A bearing of a point that
+        the window finds out of the camera's view has 1, but no part in the estimate.
+    """
+
+    time: float
+    state: Array
+    states: Array
+    arrival_mean: Array
+    arrival_factor: Array
+    guess: Array
+    violation: float = 0.0
+    stationarity: float = 0.0
     used: Array = np.zeros(0)
 
     @property
@@ -72,7 +93,7 @@ class WindowEstimate(NamedTuple):
 
     @property
     def success(self) -> bool:
-        """`solved`."""
+        """Whether the window was solved, the same as `solved`."""
         return self.solved
 
     @property
@@ -100,21 +121,39 @@ class WindowEstimate(NamedTuple):
 
     @property
     def arrival_covariance(self) -> Array:
-        """(x, x), of `arrival_mean`."""
+        """Covariance of `arrival_mean`, (x, x)."""
         return ud.covariance_of(self.arrival_factor)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ShapeMhe:
-    """A moving-horizon estimator whose step is one Function, for Python and for C."""
+    """A moving-horizon estimator whose step is one Function, for Python and for C.
 
-    step: ca.Function  #: as `shape_mhe` describes it
-    layout: Layout  #: of the state
-    node: Layout  #: of a column of the guess: the state, and what else is unknown at a sample
-    channels: Channels  #: rows of measured
+    Attributes
+    ----------
+    step : casadi.Function
+        One step, as `shape_mhe` describes it.
+    layout : Layout
+        Parts of the state.
+    node : Layout
+        Parts of a column of the guess: the state, and what else is unknown at a sample.
+    channels : Channels
+        Rows of the measurements.
+    beam : Beam
+        Wing whose shape is estimated.
+    dt : float
+        Time between samples, s.
+    window : int
+        Number N of steps; a window holds N + 1 samples.
+    """
+
+    step: ca.Function
+    layout: Layout
+    node: Layout
+    channels: Channels
     beam: Beam
-    dt: float  #: s
-    window: int  #: N: a window holds N + 1 samples
+    dt: float
+    window: int
 
     @property
     def descriptions(self) -> Mapping[str, str]:
@@ -133,10 +172,18 @@ class ShapeMhe:
 
         Parameters
         ----------
-        deviation : for every part of the state its standard deviation, one number or one per entry;
-            or a symmetric, positive definite covariance matrix of the part
-        mean : of parts of the state, weights within `Beam.weight_bounds`; zero where not given
-        time : of the first sample, s
+        deviation : mapping of str to float or array
+            Standard deviation of every part of the state, one number or one per entry; or a
+            symmetric, positive definite covariance matrix of the part.
+        mean : mapping of str to float or array, optional
+            Parts of the state, weights within `Beam.weight_bounds`; zero where not given.
+        time : float
+            Time of the first sample, s.
+
+        Returns
+        -------
+        WindowEstimate
+            What `run_mhe` starts from.
         """
         state, factor = initial_belief(self.beam, self.layout, self.layout, deviation, mean)
         column = np.concatenate([state, np.zeros(self.node.size - state.size)])
@@ -182,24 +229,42 @@ def shape_mhe(
 
     Parameters
     ----------
-    dt : between samples, s
-    window : N, the number of steps in a window
-    process : "random_walk" of q, or "white_acceleration" of (q, q_dot); or a `RandomWalk` or
-        `WhiteAcceleration`, which hold density, rate and acceleration
-    density : of the driving white noise, rad/(m √s) or, of q_dot, rad/(m s √s); one or n
-    rate, acceleration : standard deviations of what sensors read and the state does not hold, one
-        or n: q_dot of a random walk with gyros or accelerometers, rad/(m s); q_ddot with
-        accelerometers, rad/(m s²). Each sample then has its own, estimated with the state
-    rate_bound : of |q_dot|, rad/(m s), one or n; of a random walk also of |q_{k+1} − q_k|/dt. The
-        weights are bounded by `Beam.weight_bounds`
-    root : motion of the root, gravity and magnetic field, as for `measure`
-    root_inputs : what of it comes with every sample: "attitude", "position", "twist", "twist_rate"
-    iterations : None to converge, 1 for a real-time iteration (one quadratic program, full step)
-    max_iter : of iterations that converge, at most
-    qp_solver : "qrqp", which alone becomes self-contained C, or another of CasADi's. Where most
-        bounds hold hard at once it may give up, and, with a rate bound of a random walk in single
-        precision, on one window in twenty; the last two outputs tell
-    settings : iterations, max_iter and qp_solver in one object, in place of these
+    beam : Beam
+        Wing with numeric fields.
+    sensors : sequence of Sensor
+        Sensors on the wing.
+    dt : float
+        Time between samples, s.
+    window : int
+        Number N of steps in a window.
+    process : {"random_walk", "white_acceleration"}, RandomWalk or WhiteAcceleration
+        "random_walk" of q, or "white_acceleration" of (q, q_dot). A `RandomWalk` or
+        `WhiteAcceleration` holds density, rate and acceleration.
+    density : float or array, shape (n,), optional
+        Density of the driving white noise, rad/(m √s) or, of q_dot, rad/(m s √s).
+    rate, acceleration : float or array, shape (n,), optional
+        Standard deviations of what sensors read and the state does not hold: q_dot of a random walk
+        with gyros or accelerometers, rad/(m s); q_ddot with accelerometers, rad/(m s²). Each sample
+        then has its own, estimated with the state.
+    rate_bound : float or array, shape (n,), optional
+        Bound of the absolute value of q_dot, rad/(m s); of a random walk also of
+        (q_{k+1} − q_k)/dt. The weights are bounded by `Beam.weight_bounds`.
+    root : RootMotion, optional
+        Motion of the root, gravity and magnetic field, as for `measure`.
+    root_inputs : sequence of str
+        What of it comes with every sample: "attitude", "position", "twist", "twist_rate".
+    iterations : int, optional
+        None to converge, 1 for a real-time iteration (one quadratic program, full step).
+    max_iter : int
+        Iterations at most where it converges.
+    qp_solver : str
+        "qrqp", which alone becomes self-contained C, or another of CasADi's. Where most bounds hold
+        hard at once it may give up, and, with a rate bound of a random walk in single precision, on
+        one window in twenty; the last two outputs say so.
+    settings : SqpSettings, optional
+        Values of iterations, max_iter and qp_solver in one object, in place of these.
+    name : str
+        Name of the step, also in generated C.
 
     Returns
     -------

@@ -27,10 +27,19 @@ def run_mhe(
 
     Parameters
     ----------
-    start : `ShapeMhe.initial`, at the time of the first sample
-    samples : measured (m,), NaN where missing, or (measured, root inputs by name); one every `dt`.
-        An attitude that is no rotation is missing, as for `ShapeEkf`. Where samples lead to what
-        cannot be computed the estimate stays as it was, not `solved`
+    mhe : ShapeMhe
+        The estimator.
+    start : WindowEstimate
+        The result of `ShapeMhe.initial`, at the time of the first sample.
+    samples : iterable
+        Readings (m,), NaN where missing, or pairs of these and the root inputs by name; one every
+        `dt`. An attitude that is no rotation is missing, as for `ShapeEkf`. Where samples lead to
+        what cannot be computed the estimate stays as it was, not `solved`.
+
+    Returns
+    -------
+    iterator of WindowEstimate
+        One per sample.
 
     Raises
     ------

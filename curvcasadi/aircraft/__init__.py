@@ -1,10 +1,21 @@
 """A flexible aircraft, and its trim."""
 
 from curvcasadi.aircraft.balance import aircraft_wrench
+from curvcasadi.aircraft.free_flight import (
+    FlightMomenta,
+    free_forward_dynamics,
+    free_inverse_dynamics,
+    free_kinetic_energy,
+    free_mass_matrix,
+    free_momenta,
+    free_strain_energy,
+)
+from curvcasadi.aircraft.free_flight_function import free_inverse_dynamics_function
 from curvcasadi.aircraft.parts import (
     Aircraft,
     Flight,
     LiftingSurface,
+    NoBody,
     RigidBody,
     Thrust,
     Wing,
@@ -17,13 +28,22 @@ from curvcasadi.aircraft.trim_result import TrimResult, trim_table
 __all__ = [
     "Aircraft",
     "Flight",
+    "FlightMomenta",
     "LiftingSurface",
+    "NoBody",
     "RigidBody",
     "Thrust",
     "TipHeight",
     "TrimResult",
     "Wing",
     "aircraft_wrench",
+    "free_forward_dynamics",
+    "free_inverse_dynamics",
+    "free_inverse_dynamics_function",
+    "free_kinetic_energy",
+    "free_mass_matrix",
+    "free_momenta",
+    "free_strain_energy",
     "mirror_wing",
     "trim",
     "trim_sweep",

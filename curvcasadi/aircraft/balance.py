@@ -26,12 +26,16 @@ from curvcasadi.symbolic.functions import free_symbols
 
 def wing_loads(wing: Wing, flight: Flight, inputs: Mapping[str, Number]) -> list[Any]:
     """Loads on a wing in flight: airloads, weight where it has mass, and its further loads."""
-    deflections = {name: inputs.get(name, 0.0) for name in wing.strips.inputs}
-    airloads = AerodynamicLoad(strips=wing.strips, flow=flight.flow, deflections=deflections)
+    airloads: list[Any] = []
+    if wing.strips is not None:
+        deflections = {name: inputs.get(name, 0.0) for name in wing.strips.inputs}
+        airloads.append(
+            AerodynamicLoad(strips=wing.strips, flow=flight.flow, deflections=deflections)
+        )
     section: Any = wing.beam.section
     heavy = section.mass_per_length is not None or wing.beam.bodies
     weight = [Gravity(flight.acceleration)] if heavy else []
-    return [airloads, *weight, *wing.loads]
+    return [*airloads, *weight, *wing.loads]
 
 
 def wing_balance(

@@ -5,7 +5,7 @@ Positions are in body axes (x forward, y right, z down); the parent frame of eve
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
@@ -14,6 +14,7 @@ from curvcasadi.aero import Flow, StripAerodynamics, mirror_aero
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.mirror import mirror
 from curvcasadi.beam.pose import Pose, checked_pose
+from curvcasadi.beam.section import semidefinite
 from curvcasadi.loads.kinds import Gravity
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
@@ -21,7 +22,6 @@ from curvcasadi.symbolic.expressions import (
     expression,
     own_fields,
     positive,
-    symmetric,
     unit_vector,
 )
 from curvcasadi.symbolic.text import described, shown
@@ -51,7 +51,27 @@ class RigidBody:
         center = expression("RigidBody.center_of_mass", self.center_of_mass, (3, 1))
         object.__setattr__(self, "center_of_mass", center)
         if self.inertia is not None:
-            object.__setattr__(self, "inertia", symmetric("RigidBody.inertia", self.inertia))
+            object.__setattr__(self, "inertia", semidefinite("RigidBody.inertia", self.inertia))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NoBody(RigidBody):
+    """In the place of a rigid body: nothing. The beams of such an aircraft fly alone.
+
+    The body axes are those in which the roots of the beams are given.
+
+    Attributes
+    ----------
+    mass, center_of_mass, inertia
+        Zero.
+    """
+
+    mass: Number = field(default=0.0, init=False)
+    center_of_mass: Number = field(default_factory=lambda: ca.DM.zeros(3), init=False)
+    inertia: Number = field(default_factory=lambda: ca.DM.zeros(3, 3), init=False)
+
+    def __post_init__(self) -> None:
+        """Nothing to check."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -120,20 +140,21 @@ class Wing:
         Name of the wing.
     beam : Beam
         The beam, with a section.
-    strips : StripAerodynamics
-        Airfoil data along the span.
+    strips : StripAerodynamics, optional
+        Airfoil data along the span; without them no airloads act.
     loads : tuple of loads
         Further loads; weight and airloads act anyway.
     """
 
     name: str
     beam: Beam
-    strips: StripAerodynamics
+    strips: StripAerodynamics | None = None
     loads: tuple[Any, ...] = ()
 
     def __post_init__(self) -> None:
-        for name, kind in (("beam", Beam), ("strips", StripAerodynamics)):
-            _is(f"Wing.{name}", getattr(self, name), kind)
+        _is("Wing.beam", self.beam, Beam)
+        if self.strips is not None:
+            _is("Wing.strips", self.strips, StripAerodynamics)
         object.__setattr__(self, "loads", tuple(self.loads))
         if any(isinstance(load, Gravity) for load in self.loads):
             raise ValueError("Wing.loads: expected loads beside the weight, found Gravity")
@@ -160,7 +181,8 @@ def mirror_wing(wing: Wing, name: str) -> Wing:
     """
     if wing.loads:
         raise ValueError(f"mirror_wing: expected no further loads, found {len(wing.loads)}")
-    return Wing(name=name, beam=mirror(wing.beam), strips=mirror_aero(wing.strips))
+    strips = None if wing.strips is None else mirror_aero(wing.strips)
+    return Wing(name=name, beam=mirror(wing.beam), strips=strips)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -170,7 +192,7 @@ class Aircraft:
     Attributes
     ----------
     body : RigidBody
-        What is rigid, wings excluded.
+        What is rigid, wings excluded; `NoBody()` where beams fly alone.
     beams : tuple of Wing
         Flexible half wings.
     surfaces : tuple of LiftingSurface
@@ -186,14 +208,14 @@ class Aircraft:
 
     def __post_init__(self) -> None:
         _is("Aircraft.body", self.body, RigidBody)
-        for field, kind in (("beams", Wing), ("surfaces", LiftingSurface), ("thrusts", Thrust)):
-            parts = tuple(getattr(self, field))
-            object.__setattr__(self, field, parts)
+        for key, kind in (("beams", Wing), ("surfaces", LiftingSurface), ("thrusts", Thrust)):
+            parts = tuple(getattr(self, key))
+            object.__setattr__(self, key, parts)
             for i, part in enumerate(parts):
-                _is(f"Aircraft.{field}[{i}]", part, kind)
+                _is(f"Aircraft.{key}[{i}]", part, kind)
             names = [part.name for part in parts]
             if len(set(names)) < len(names):
-                raise ValueError(f"Aircraft.{field}: expected different names, found {names}")
+                raise ValueError(f"Aircraft.{key}: expected different names, found {names}")
         rigid = ["weight", *(s.name for s in self.surfaces), *(t.name for t in self.thrusts)]
         if len(set(rigid)) < len(rigid):
             raise ValueError(
@@ -230,7 +252,8 @@ class Aircraft:
 
     @property
     def _deflections(self) -> tuple[str, ...]:
-        strips = [wing.strips for wing in self.beams] + [s.strips for s in self.surfaces]
+        parts: list[Any] = [*self.beams, *self.surfaces]
+        strips = [part.strips for part in parts if part.strips is not None]
         return tuple(dict.fromkeys(name for airfoils in strips for name in airfoils.inputs))
 
 

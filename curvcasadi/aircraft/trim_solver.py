@@ -261,6 +261,8 @@ class TrimSolver:
         flow = Flow(density=p[1], velocity=velocity)
         found = {}
         for wing in self.problem.aircraft.beams:
+            if wing.strips is None:
+                continue
             deflections = {name: named[name] for name in wing.strips.inputs}
             load = AerodynamicLoad(strips=wing.strips, flow=flow, deflections=deflections)
             found[wing.name] = strip_forces(wing.beam, q[wing.name], load)

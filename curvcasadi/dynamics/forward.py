@@ -47,6 +47,6 @@ def forward_dynamics(
     built = system.build(beam, loads, root, states)
     mass.check_invertible(built)
     n = beam.basis.n
-    bias = inverse.residual(built, states["q"], states["q_dot"], ca.DM.zeros(n))
+    bias = inverse.balance(built, states["q"], states["q_dot"], ca.DM.zeros(n)).residual
     triangle = mass.packed_mass_matrix(built, states["q"])
     return mass.ldl_solve(n)(triangle, -bias)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.dynamics import applied, recursion, system
+from curvcasadi.dynamics.system import System
 from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.statics.balance import stiffness_matrix
 from curvcasadi.symbolic.expressions import AnyExpr
@@ -52,15 +53,23 @@ def inverse_dynamics(
     """
     states = system.weights(beam, q=q, q_dot=q_dot, q_ddot=q_ddot)
     built = system.build(beam, loads, root, states)
-    return residual(built, *states.values())
+    return balance(built, *states.values()).residual
 
 
-def residual(built: system.System, q: AnyExpr, q_dot: AnyExpr, q_ddot: AnyExpr) -> AnyExpr:
+class Balance(NamedTuple):
+    """What a motion leaves unbalanced, and what it needs of the parent."""
+
+    residual: AnyExpr  #: r (n, 1), N m²
+    wrench: AnyExpr  #: (moment, force), (6, 1), outboard of the root station, root axes
+    motion: AnyExpr  #: of the root station, `recursion.LocalMotion`
+    load: AnyExpr  #: on the root station, (6, 1), or None
+
+
+def balance(built: System, q: AnyExpr, q_dot: AnyExpr, q_ddot: AnyExpr) -> Balance:
+    """The two passes: see `recursion`."""
     beam_chain, (mask, inertias) = built.chain, built.inertias
-    outward, inward = (
-        recursion.outward(beam_chain.pattern),
-        recursion.inward(beam_chain.pattern, mask),
-    )
+    pattern = beam_chain.pattern
+    outward, inward = recursion.outward(pattern), recursion.inward(pattern, mask)
     motions = beam_chain.march([outward], built.root_motion, q, q_dot, q_ddot)
     acting = applied.local_wrenches(built, q, q_dot, motions)
     wrench, force = ca.DM.zeros(6), ca.DM.zeros(built.beam.basis.n)
@@ -68,4 +77,12 @@ def residual(built: system.System, q: AnyExpr, q_dot: AnyExpr, q_ddot: AnyExpr) 
         if acting[k] is not None:
             wrench = wrench - acting[k]
         wrench, force = inward(q, motions[k], inertias[k], beam_chain.data[k - 1], wrench, force)
-    return stiffness_matrix(built.beam) @ q + force
+    residual = stiffness_matrix(built.beam) @ q + force
+    return Balance(residual, wrench, motions[0], acting[0])
+
+
+def parent_wrench(built: System, found: Balance) -> AnyExpr:
+    """Wrench (moment, force), (6, 1), that the beam needs of its parent; parent axes and origin."""
+    mask, inertias = built.inertias
+    wrench = found.wrench + recursion.at_station(mask)(found.motion, inertias[0])
+    return built.to_parent(wrench if found.load is None else wrench - found.load)

@@ -71,7 +71,7 @@ def inverse_dynamics_function(
     states = {key: kind.sym(key, beam.basis.n) for key in _STATES}
     inputs = {**states, **parameters}
     built = system.build(beam, loads, root, inputs)
-    residual = inverse.residual(built, *states.values())
+    residual = inverse.balance(built, *states.values()).residual
     missing = free_symbols(residual, inputs.values())
     if missing:
         raise ValueError(f"parameters: expected every symbol, missing {', '.join(missing)}")

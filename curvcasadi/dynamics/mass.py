@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.dynamics import system
-from curvcasadi.dynamics.inertia import SIZE, Mask, masked, momentum, unpack
+from curvcasadi.dynamics.inertia import (
+    SIZE,
+    Mask,
+    masked,
+    momentum,
+    moved_to_parent,
+    pack,
+    unpack,
+)
 from curvcasadi.kinematics import chain
 from curvcasadi.kinematics import jacobian as kinematics
 from curvcasadi.lie import so3
@@ -107,6 +117,38 @@ def _station_mass(n: int, mask: Mask) -> ca.Function:
     return ca.Function(
         "station_mass", [state, inertia, triangle], [triangle + ca.vertcat(*added)], {"cse": True}
     )
+
+
+class Blocks(NamedTuple):
+    """Mass matrix of a beam whose parent moves: [[I, C], [Cᵀ, M]]."""
+
+    parent: AnyExpr  #: I (6, 6), inertia about the parent's origin, parent axes
+    coupling: AnyExpr  #: C (6, n)
+    weights: AnyExpr  #: M (n, n)
+
+
+def mass_blocks(built: system.System, q: AnyExpr) -> Blocks:
+    """I = Σ_k I_k, C = Σ_k I_k S_k and M over all stations, the root's included."""
+    n, (mask, inertias) = built.beam.basis.n, built.inertias
+    triangle, whole, coupling = ca.DM.zeros(n * (n + 1) // 2), ca.DM.zeros(SIZE), ca.DM.zeros(6, n)
+    states = kinematics.jacobian_states(built.chain, q, built.beam.root.packed)
+    add, add_blocks = _station_mass(n, mask), _station_blocks(n, mask)
+    for state, inertia in zip(states, inertias, strict=True):
+        triangle = add(state, inertia, triangle)
+        whole, coupling = add_blocks(state, inertia, whole, coupling)
+    parent = momentum(unpack(whole), ca.DM.eye(6))
+    return Blocks(parent, coupling, unpack_symmetric(triangle, n))
+
+
+@lru_cache(maxsize=64)
+def _station_blocks(n: int, mask: Mask) -> ca.Function:
+    """(state with sums, inertia, ten numbers, C) -> ten numbers and C with those of the station."""
+    state, inertia = ca.SX.sym("state", 12 + 6 * n), ca.SX.sym("inertia", sum(mask))
+    whole, coupling = ca.SX.sym("whole", SIZE), ca.SX.sym("C", 6, n)
+    moved = moved_to_parent(masked(mask, inertia), *unpack_pose(state))
+    columns = ca.vertcat(*kinematics.unpack_sums(state))
+    outputs = [whole + pack(moved), coupling + momentum(moved, columns)]
+    return ca.Function("station_blocks", [state, inertia, whole, coupling], outputs, {"cse": True})
 
 
 @lru_cache(maxsize=64)

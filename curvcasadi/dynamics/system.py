@@ -56,6 +56,12 @@ class System(NamedTuple):
         """Body twist of the root, (6, 1), root axes."""
         return ca.densify(_adjoint(self.beam.root.inverse()) @ self.parent.twist)
 
+    def to_parent(self, wrench: AnyExpr) -> AnyExpr:
+        """A wrench (6, 1) in root axes at the root, in parent axes at the parent's origin."""
+        rotation, position = self.beam.root.rotation, self.beam.root.position
+        force = rotation @ wrench[3:]
+        return ca.vertcat(rotation @ wrench[:3] + ca.cross(position, force), force)
+
 
 def weights(beam: Beam, **values: AnyExpr) -> dict[str, AnyExpr]:
     """The weights and their rates, checked for their shape (n, 1)."""

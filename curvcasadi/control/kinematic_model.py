@@ -9,7 +9,8 @@ import numpy as np
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.control.model import ControlModel
-from curvcasadi.kinematics.pose_function import tip_function
+from curvcasadi.kinematics.element import ON_GROUP
+from curvcasadi.kinematics.pose_function import pose_function, tip_function
 from curvcasadi.kinematics.resolution import elements_that_may_exceed
 from curvcasadi.kinematics.shape import curvature, squared_element_angles
 from curvcasadi.symbolic.expressions import (
@@ -96,7 +97,15 @@ def kinematic_model(
             ["y"],
         ),
         angles=_angles(beam),
+        pose=_pose(beam),
     )
+
+
+def _pose(beam: Beam) -> ca.Function | None:
+    """Pose and body Jacobian of the tip from one march along the beam."""
+    if beam.grid.exponential not in ON_GROUP:
+        return None
+    return pose_function("tip_pose", beam, (1.0,), jacobian=True)
 
 
 def _angles(beam: Beam) -> ca.Function | None:

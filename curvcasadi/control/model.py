@@ -67,6 +67,9 @@ class ControlModel:
     angles : casadi.Function or None
         (x) -> squared angles of elements over what they may turn, of those that the bounds of x do
         not keep from it.
+    pose : casadi.Function or None
+        (x) -> position (3, 1), rotation (3, 3) and body Jacobian by x (6, n), of the outputs of
+        these names, from one evaluation.
     second_order : SecondOrder or None
         Its equations of motion, where it has inertia.
     """
@@ -80,6 +83,7 @@ class ControlModel:
     output: ca.Function
     real: Real = "double"
     angles: ca.Function | None = None
+    pose: ca.Function | None = None
     second_order: SecondOrder | None = None
 
     @property

@@ -16,7 +16,6 @@ import numpy as np
 from curvcasadi.beam.beam import Beam
 from curvcasadi.export.c_function import STATIONARITY, TAKEN, VIOLATION, CFunction
 from curvcasadi.export.casadi_c import generate as generated
-from curvcasadi.export.casadi_c import work_vector
 from curvcasadi.kinematics.resolution import elements_that_may_exceed
 from curvcasadi.kinematics.shape import squared_element_angles
 
@@ -31,7 +30,7 @@ class Wrapper:
     angles: dict[str, ca.Function]  #: weights -> largest squared element angle over its limit
     prefix: str  #: of all names in C
     real: str
-    work: dict[str, int]  #: lengths of work vectors, by the names of generated functions
+    work: dict[str, dict[str, int]]  #: lengths of buffers, by the names of generated functions
 
     @property
     def name(self) -> str:
@@ -41,9 +40,8 @@ class Wrapper:
     def sizes(self) -> dict[str, int]:
         """Lengths of the buffers that serve every generated function which is called."""
         called = [self.export.function, *self.angles.values()]
-        sizes = {key: max(getattr(f, f"sz_{key}")() for f in called) for key in _BUFFERS}
-        sizes["iw"] = max(map(work_vector.integers, called))
-        work = [self.work[f.name()] for f in called]
+        sizes = {key: max(self.work[f.name()][key] for f in called) for key in _BUFFERS}
+        work = [self.work[f.name()]["w"] for f in called]
         work[1:] = [size + 1 for size in work[1:]]  # one more, for the angle that they return
         return sizes | {"w": max(work)}
 

@@ -44,7 +44,7 @@ def shape_target_function(
     regularization: float = 1e-8,
     iterations: int | None = None,
     max_iter: int = 100,
-    qp_solver: str = "qrqp",
+    qp_solver: str = "own",
     settings: SqpSettings | None = None,
 ) -> ca.Function:
     """`reach_shape` as one Function, which becomes self-contained C.

@@ -10,8 +10,10 @@ from curvcasadi.control.step import rk4_step
 from curvcasadi.lie import so3
 from curvcasadi.ocp.targets import rotations_defect
 from curvcasadi.solvers.certificate import TOLERANCES, Bounds, larger
+from curvcasadi.solvers.embedded import EmbeddedSolver, solver_function
+from curvcasadi.solvers.gauss_newton import GaussNewton
 from curvcasadi.solvers.settings import SqpSettings, sqp_settings
-from curvcasadi.solvers.sqp import SHOOTING, gauss_newton_sqp
+from curvcasadi.solvers.stages import Stages
 from curvcasadi.symbolic.expressions import (
     Array,
     Number,
@@ -21,6 +23,9 @@ from curvcasadi.symbolic.expressions import (
     numeric,
     positive,
 )
+
+#: Halvings of a step, at most, where it converges.
+HALVINGS = 6
 
 
 def tip_path_step_function(
@@ -35,7 +40,8 @@ def tip_path_step_function(
     curvature_bound: Number | None = None,
     iterations: int | None = None,
     max_iter: int = 100,
-    qp_solver: str = "qrqp",
+    damping: float = 0.0,
+    qp_solver: str = "own",
     settings: SqpSettings | None = None,
     name: str = "tip_path_step",
 ) -> ca.Function:
@@ -48,37 +54,50 @@ def tip_path_step_function(
 
     over the stages k = 1 … N of poses and 0 … N − 1 of inputs, subject to the model (Runge–Kutta 4,
     inputs held), the bounds in its layouts, |dx/dt| ≤ rate_bound at every stage and
-    |K_x|, |K_y|, |K_z| ≤ curvature_bound at the model's stations. Gauss–Newton `sqpmethod` and
-    multiple shooting; with `qrqp` it becomes self-contained C.
+    |K_x|, |K_y|, |K_z| ≤ curvature_bound at the model's stations. Gauss–Newton on the problem
+    condensed to its inputs: states follow from them. It becomes self-contained C.
 
     Parameters
     ----------
-    model : with outputs position, rotation and curvature, such as `kinematic_model`
-    dt, horizon : stage length, s, and number N of stages
-    position_weight, attitude_weight, move_weight : 1/m², 1/rad², m²/rad²
-    rate_bound : rad/(m s), one number or one per state; curvature_bound : rad/m, one or three
-    iterations : None to converge, 1 for a real-time iteration (one quadratic program, full step)
-    max_iter : programs at most where it converges
-    qp_solver : "qrqp", which alone becomes self-contained C, or another of CasADi's for singular
-        Hessians. Where many bounds hold at once, far from the path with rates at their bounds, one
-        in ten single programs of `qrqp` fails, which the last two outputs tell: do not apply `u`
-        then. "qpoases" does not fail there.
-    settings : iterations, max_iter and qp_solver in one object, in place of these
+    model : ControlModel
+        With outputs position, rotation and curvature, such as `kinematic_model`.
+    dt : float
+        Length of a stage, s.
+    horizon : int
+        Number N of stages.
+    position_weight, attitude_weight, move_weight : float
+        1/m², 1/rad², m²/rad².
+    rate_bound : float or array, shape (n,), optional
+        rad/(m s), of all states or of each.
+    curvature_bound : float or array, shape (3,), optional
+        rad/m, of all components or of each.
+    iterations : int, optional
+        None to converge, 1 for a real-time iteration (one quadratic program, full step).
+    max_iter : int
+        Programs at most where it converges.
+    damping : float
+        Weight of ½ Σ |u_k − guess_k|² in every program, m²/rad²: steps stay near the guess, and
+        move along directions that the path hardly sees by little. A converged plan is the same
+        with any.
+    qp_solver : str
+        "own" becomes self-contained C; in Python it is CasADi's DAQP on the same numbers. Or
+        another of CasADi's QP solvers, such as "qpoases", for Python alone.
+    settings : SqpSettings, optional
+        iterations, max_iter and qp_solver in one object, in place of these.
 
     Returns
     -------
     casadi.Function
         Inputs: x (n, 1), p (m, 1), u_previous, positions (3, N), m, and rotations (3, 3 N), local
-        to parent, at the ends of the stages, and guess (the last one's plan; zeros at first).
-        There is no input rotations where attitude_weight = 0.
-        Outputs: u, the input to apply now; plan, the guess for the next step, shifted by a stage;
-        states (n, N + 1); violation (1, 1): the excess over bounds and of the model, or of a
+        to parent, at the ends of the stages, and guess (the last one's plan, of which the inputs
+        count; zeros at first). There is no input rotations where attitude_weight = 0. Outputs: u,
+        the input to apply now; plan u_0, x_1, u_1, …, the guess for the next step, shifted by a
+        stage; states (n, N + 1), along the model; violation (1, 1): the excess over bounds, or of a
         squared element angle over what is allowed, relative, over 1e-6 (`ControlModel.real` float:
         1e-5), or error of a rotation that is none over 1e-2; stationarity (1, 1): what is left of
         the optimality conditions, of the last program for a number of iterations, over 1e-8 (float:
         1e-6). At most 1 both, where `u` may be applied. Element angles of the states are checked,
-        not kept, and those of inputs are not: bound the weights so that they are. Where its steps
-        lead to what cannot be computed, after inputs out of all proportion, CasADi raises.
+        not kept, and those of inputs are not: bound the weights so that they are.
     """
     function_name("name", name)
     instance("model", model, ControlModel)
@@ -87,87 +106,94 @@ def tip_path_step_function(
         numeric("position_weight", positive("position_weight", position_weight, zero=True)),
         numeric("attitude_weight", positive("attitude_weight", attitude_weight, zero=True)),
         numeric("move_weight", positive("move_weight", move_weight)),
+        numeric("damping", positive("damping", damping, zero=True)),
     ]
     solving = sqp_settings(settings, iterations=iterations, max_iter=max_iter, qp_solver=qp_solver)
-    if solving.qp_solver == "qrqp":
-        _refuse_frozen(model)
-    nx, nu = model.x.size, model.u.size
-    step = rk4_step(model, dt)
-    attitudes = float(weights[1]) > 0
-    residual = _stage_residual(model, *np.sqrt(weights[:2]))
-
-    x0, p, u_previous = (
-        ca.MX.sym("x", nx),
-        ca.MX.sym("p", model.p.size),
-        ca.MX.sym("u_previous", nu),
-    )
-    positions = ca.MX.sym("positions", 3, stages)
-    rotations = ca.MX.sym("rotations", 3, 3 * stages if attitudes else 0)
-    plan = ca.MX.sym("plan", (nu + nx) * stages)
-    inputs, ends = _unpack(plan, nu, nx, stages)
-    starts = [x0, *ends[:-1]]
-
-    wanted = [ca.horzsplit(positions), *([ca.horzsplit(rotations, 3)] if attitudes else [])]
-    goals = [*zip(*wanted, strict=True)]
-    errors = [residual(x, p, *goal) for x, goal in zip(ends, goals, strict=True)]
-    moves = [u - last for u, last in zip(inputs, [u_previous, *inputs[:-1]], strict=True)]
-    objective = ca.sumsqr(ca.vertcat(*errors)) / 2
-    objective += weights[2] * ca.sumsqr(ca.vertcat(*moves)) / 2
-    hessian = _hessian(residual, ends, p, goals, weights[2], nu)
-
     limits = _Limits(model, rate_bound, curvature_bound)
-    gaps = [end - step(x, u, p) for x, u, end in zip(starts, inputs, ends, strict=True)]
-    constraints = ca.vertcat(
-        *gaps, *(limits.of(*at, p) for at in zip(starts, ends, inputs, strict=True))
-    )
-    parameters = ca.veccat(x0, p, u_previous, positions, rotations)
-    stage_bounds = [
-        np.concatenate(side) for side in zip(model.u.bounds, model.x.bounds, strict=True)
-    ]
-    lbx, ubx = (np.tile(side, stages) for side in stage_bounds)
-    closed = np.zeros(nx * stages)
-    lbg = np.concatenate([closed, *[limits.lower] * stages])
-    ubg = np.concatenate([closed, *[limits.upper] * stages])
-    solver = gauss_newton_sqp(
-        f"{name}_solver",
-        plan,
-        parameters,
-        objective,
-        hessian,
-        constraints,
-        Bounds(lbx, ubx, lbg, ubg),
-        nominal=(0, _at_rest(model, stages, attitudes)),
+    described = _stages(name, model, dt, stages, limits, weights)
+    unit = 1 / _largest(described, _at_rest(model, stages, float(weights[1]) > 0))
+    described = _stages(name, model, dt, stages, limits, [unit * float(w) for w in weights])
+    lower, upper = (np.tile(side, stages) for side in model.u.bounds)
+    problem = GaussNewton(
+        name=f"{name}_solver",
+        linearization=described.evaluate(f"{name}_linearization"),
+        values=described.rollout(f"{name}_rollout"),
+        bounds=Bounds(lower, upper, np.tile(limits.lower, stages), np.tile(limits.upper, stages)),
         real=model.real,
-        halvings=SHOOTING[model.real],
+        halvings=HALVINGS,
+        stages=described,
         **vars(solving),
     )
+    begin, finish = _ends(name, model, stages, float(weights[1]) > 0)
+    return solver_function(name, EmbeddedSolver(problem=problem, begin=begin, finish=finish))
 
-    guess = ca.MX.sym("guess", plan.shape[0])
-    best, violation, stationarity = solver(guess, parameters)
-    applied, states = _unpack(best, nu, nx, stages)
-    shifted = ca.vertcat(best[nu + nx :], best[-(nu + nx) :])
-    turned = [model.angles(state) - 1 for state in states] if model.angles else []
-    violation = larger(violation, ca.mmax(ca.vertcat(0, *turned)))
-    violation = larger(violation / TOLERANCES[model.real].limit, rotations_defect(rotations))
-    arguments = {"x": x0, "p": p, "u_previous": u_previous, "positions": positions}
-    arguments |= ({"rotations": rotations} if attitudes else {}) | {"guess": guess}
-    return ca.Function(
-        name,
-        [*arguments.values()],
-        [applied[0], shifted, ca.horzcat(x0, *states), violation, stationarity],
-        [*arguments],
-        ["u", "plan", "states", "violation", "stationarity"],
+
+def _stages(
+    name: str, model: ControlModel, dt: float, count: int, limits: _Limits, weights: list[Number]
+) -> Stages:
+    """The problem for weights of positions, attitudes, moves and damping."""
+    position, attitude, move, damping = (float(weight) for weight in weights)
+    return Stages(
+        count=count,
+        error=_stage_error(f"{name}_stage_error", model, position**0.5, attitude**0.5),
+        step=_stage_step(f"{name}_stage_step", model, dt),
+        limits=limits.function(f"{name}_stage_limits"),
+        move_weight=move,
+        damping=damping,
     )
 
 
-def _refuse_frozen(model: ControlModel) -> None:
-    """`qrqp` cannot tell what holds a state that its bounds and those of its input hold."""
-    frozen = [bool(np.any(lower == upper)) for lower, upper in (model.x.bounds, model.u.bounds)]
-    if all(frozen):
-        raise ValueError(
-            "model: expected room between the bounds of every state and input, found some without: "
-            "leave frozen weights out of the basis, or take qp_solver='qpoases'"
-        )
+def _largest(stages: Stages, parameters: ca.DM) -> float:
+    """Largest diagonal entry of the Hessian at rest, by which the objective is scaled."""
+    at_rest = stages.evaluate("at_rest")(x=0, p=parameters)
+    return float(ca.mmax(ca.diag(at_rest["hessian"])))
+
+
+def _ends(
+    name: str, model: ControlModel, stages: int, attitudes: bool
+) -> tuple[ca.Function, ca.Function]:
+    """What the solver begins from, and what is made of its solution."""
+    nx, nu = model.x.size, model.u.size
+    inputs = {
+        "x": ca.MX.sym("x", nx),
+        "p": ca.MX.sym("p", model.p.size),
+        "u_previous": ca.MX.sym("u_previous", nu),
+        "positions": ca.MX.sym("positions", 3, stages),
+        **({"rotations": ca.MX.sym("rotations", 3, 3 * stages)} if attitudes else {}),
+        "guess": ca.MX.sym("guess", (nu + nx) * stages),
+    }
+    guess = ca.vertcat(*_unpack(inputs["guess"], nu, nx, stages)[0])
+    rotations = inputs.get("rotations", ca.MX(3, 0))
+    proper = [_orthonormal()(part) for part in ca.horzsplit(rotations, 3)] if attitudes else []
+    begin = ca.Function(
+        f"{name}_solver_begin",
+        [*inputs.values()],
+        [guess, ca.veccat(*[*inputs.values()][:4], *proper)],
+        [*inputs],
+        ["start", "parameters"],
+    )
+    found, states = ca.MX.sym("found", nu * stages), ca.MX.sym("states", nx, stages + 1)
+    violation, stationarity, before = (ca.MX.sym(key) for key in ("v", "s", "before"))
+    applied, ends = ca.vertsplit(found, nu), ca.horzsplit(states)[1:]
+    plan = ca.vertcat(*(part for pair in zip(applied, ends, strict=True) for part in pair))
+    shifted = ca.vertcat(plan[nu + nx :], plan[-(nu + nx) :])
+    turned = [model.angles(state) - 1 for state in ends] if model.angles else []
+    excess = larger(violation, ca.mmax(ca.vertcat(0, *turned)))
+    excess = larger(excess / TOLERANCES[model.real].limit, rotations_defect(rotations))
+    finish = ca.Function(
+        f"{name}_solver_finish",
+        [*inputs.values(), found, states, violation, stationarity, before],
+        [applied[0], shifted, states, excess, stationarity],
+        [*inputs, "found", "end_states", "excess", "distance", "before"],
+        ["u", "plan", "states", "violation", "stationarity"],
+    )
+    return begin, finish
+
+
+def _orthonormal() -> ca.Function:
+    """A rotation matrix of few digits -> the rotation that it means."""
+    rotation = ca.SX.sym("rotation", 3, 3)
+    return ca.Function("orthonormal", [rotation], [so3.orthonormal(rotation)], {"cse": True})
 
 
 def _at_rest(model: ControlModel, stages: int, attitudes: bool) -> ca.DM:
@@ -184,57 +210,60 @@ def _unpack(plan: ca.MX, nu: int, nx: int, stages: int) -> tuple[list[ca.MX], li
     return pieces[0::2], pieces[1::2]
 
 
-def _stage_residual(
-    model: ControlModel, position_scale: float, attitude_scale: float
+def _stage_error(
+    name: str, model: ControlModel, position_scale: float, attitude_scale: float
 ) -> ca.Function:
-    """Weighted pose error (6, 1) at the end of a stage: (x, p, position, rotation).
+    """(x, p, position, rotation) -> weighted pose error (6, 1) at a stage's end, and its slope.
 
-    Without a weight of attitudes it is that of the position, (3, 1): (x, p, position).
+    Without a weight of attitudes the error is that of the position, (3, 1): (x, p, position).
     """
     x, p = ca.MX.sym("x", model.x.size), ca.MX.sym("p", model.p.size)
-    position, rotation = ca.MX.sym("position", 3), ca.MX.sym("rotation", 3, 3)
+    goals = [ca.MX.sym("position", 3), *([ca.MX.sym("rotation", 3, 3)] if attitude_scale else [])]
+    if model.pose is not None:
+        weighted = _pose_error(model.x.size, position_scale, attitude_scale)
+        outputs = weighted.call([*model.pose.call([x]), *goals])
+        return ca.Function(name, [x, p, *goals], outputs)
     y = model.y.split(model.output(x, ca.MX.zeros(model.u.size), p))
-    distance = position_scale * (y["position"] - position)
-    if not attitude_scale:
-        return ca.Function("tip_error", [x, p, position], [distance])
-    desired = so3.orthonormal(rotation)
-    angle = attitude_scale * so3.log_error(ca.reshape(y["rotation"], 3, 3), desired)
-    return ca.Function("tip_error", [x, p, position, rotation], [ca.vertcat(distance, angle)])
+    error = position_scale * (y["position"] - goals[0])
+    if attitude_scale:
+        turned = so3.log_error(ca.reshape(y["rotation"], 3, 3), goals[1])
+        error = ca.vertcat(error, attitude_scale * turned)
+    return ca.Function(name, [x, p, *goals], [error, ca.densify(ca.jacobian(error, x))])
 
 
-def _hessian(
-    residual: ca.Function,
-    ends: list[ca.MX],
-    p: ca.MX,
-    goals: list[tuple[ca.MX, ...]],
-    move_weight: float,
-    nu: int,
-) -> ca.MX:
-    """Gauss–Newton Hessian over u_0, x_1, u_1, x_2, …: poses stage by stage, moves between them."""
-    x = ca.MX.sym("x", ends[0].shape[0])
-    symbols = [ca.MX.sym(f"s{i}", *residual.size_in(i)) for i in range(1, residual.n_in())]
-    jacobian = ca.jacobian(residual(x, *symbols), x)
-    gram = ca.Function("tip_gauss_newton", [x, *symbols], [jacobian.T @ jacobian])
-    blocks: list[ca.MX] = []
-    for end, goal in zip(ends, goals, strict=True):
-        blocks += [ca.MX(nu, nu), gram(end, p, *goal)]
-    return ca.diagcat(*blocks) + move_weight * _moves_matrix(len(ends), nu, x.shape[0])
+def _pose_error(n: int, position_scale: float, attitude_scale: float) -> ca.Function:
+    """(position, rotation, body Jacobian, and those desired) -> weighted error, its slope.
+
+    Of a body twist (ω, v) the position changes by R v, and the error log(R_dᵀ R) as of R exp([ω×]).
+    """
+    position, rotation, jacobian = (
+        ca.SX.sym(key, *shape) for key, shape in (("p", (3, 1)), ("R", (3, 3)), ("J", (6, n)))
+    )
+    desired_position, desired_rotation = ca.SX.sym("p_d", 3), ca.SX.sym("R_d", 3, 3)
+    turn = ca.SX.sym("turn", 3)
+    turned = so3.log_error(rotation @ (ca.SX.eye(3) + so3.hat(turn)), desired_rotation)
+    attitude, by_turn = (
+        ca.substitute(part, turn, ca.SX.zeros(3)) for part in (turned, ca.jacobian(turned, turn))
+    )
+    error = position_scale * (position - desired_position)
+    slope = (position_scale * rotation) @ jacobian[3:, :]
+    inputs = [position, rotation, jacobian, desired_position]
+    if attitude_scale:
+        error = ca.vertcat(error, attitude_scale * attitude)
+        slope = ca.vertcat(slope, (attitude_scale * by_turn) @ jacobian[:3, :])
+        inputs.append(desired_rotation)
+    return ca.Function("pose_error", inputs, [error, slope], {"cse": True})
 
 
-def _moves_matrix(stages: int, nu: int, nx: int) -> ca.DM:
-    """Matrix of Σ |u_k − u_{k−1}|² over u_0, x_1, u_1, x_2, …"""
-    size = (nu + nx) * stages
-    difference = ca.DM(nu * stages, size)
-    for k in range(stages):
-        for i in range(nu):
-            difference[k * nu + i, k * (nu + nx) + i] = 1
-            if k:
-                difference[k * nu + i, (k - 1) * (nu + nx) + i] = -1
-    return difference.T @ difference
+def _stage_step(name: str, model: ControlModel, dt: float) -> ca.Function:
+    """(x, u, p) -> end of the stage, and its transposed slopes by x and u."""
+    x, u, p = (ca.MX.sym(key, getattr(model, key).size) for key in "xup")
+    end = rk4_step(model, dt)(x, u, p)
+    return ca.Function(name, [x, u, p], [end, ca.jacobian(end, x).T, ca.jacobian(end, u).T])
 
 
 class _Limits:
-    """Rates at a stage's start and curvatures at its end, with their bounds."""
+    """Rates at a stage's start, curvatures and states at its end, with their bounds."""
 
     def __init__(
         self, model: ControlModel, rate_bound: Number | None, curvature_bound: Number | None
@@ -244,14 +273,23 @@ class _Limits:
         of_station, three = _spread("curvature_bound", curvature_bound, 3)
         stations = next(part.size for part in model.y.parts if part.name == "curvature") // 3
         self._curvatures = [3 * k + i for k in range(stations) for i in of_station]
-        self.upper = np.concatenate([rates, np.tile(three, stations)])
-        self.lower = -self.upper
+        least, most = model.x.bounds
+        self._states = np.flatnonzero(np.isfinite(least) | np.isfinite(most)).tolist()
+        both = np.concatenate([rates, np.tile(three, stations)])
+        self.upper = np.concatenate([both, most[self._states]])
+        self.lower = np.concatenate([-both, least[self._states]])
 
-    def of(self, start: ca.MX, end: ca.MX, u: ca.MX, p: ca.MX) -> ca.MX:
-        """The bounded entries of one stage."""
-        rates = self._model.xdot(start, u, p)[self._rates, :]
-        y = self._model.y.split(self._model.output(end, u, p)) if self._curvatures else None
-        return ca.vertcat(rates, y["curvature"][self._curvatures, :] if y else ca.MX(0, 1))
+    def function(self, name: str) -> ca.Function:
+        """(x, u, x_end, p) -> the bounded entries, and their transposed slope by (x, u, x_end)."""
+        model = self._model
+        x, u, p = (ca.MX.sym(key, getattr(model, key).size) for key in "xup")
+        end = ca.MX.sym("end", model.x.size)
+        rates = model.xdot(x, u, p)[self._rates, :]
+        y = model.y.split(model.output(end, u, p)) if self._curvatures else None
+        curvatures = y["curvature"][self._curvatures, :] if y else ca.MX(0, 1)
+        values = ca.vertcat(rates, curvatures, end[self._states, :])
+        slopes = ca.horzcat(*(ca.jacobian(values, part) for part in (x, u, end)))
+        return ca.Function(name, [x, u, end, p], [values, slopes.T])
 
 
 def _spread(name: str, bound: Number | None, n: int) -> tuple[list[int], Array]:

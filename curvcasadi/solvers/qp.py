@@ -72,8 +72,8 @@ class QuadraticProgram:
         )
 
 
-def qp_source(real: str) -> str:
-    """C of the solver with its type and constants; it needs `math.h`."""
+def qp_source(real: str, name: str | None = None) -> str:
+    """C of the solver with its type, by another name of it, and constants; it needs `math.h`."""
     text = files("curvcasadi.solvers").joinpath("templates/qp.c").read_text()
     macros = "".join(f"#define {key} {value}\n" for key, value in _CONSTANTS[real].items())
-    return f"typedef {real} qp_real;\n{macros}{text}"
+    return f"typedef {name or real} qp_real;\n{macros}{text}"

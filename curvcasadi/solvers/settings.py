@@ -19,12 +19,12 @@ class SqpSettings:
     max_iter : int
         Quadratic programs at most, where it converges.
     qp_solver : str
-        "qrqp", which becomes self-contained C, or another QP solver of CasADi.
+        "own", which becomes self-contained C, or a QP solver of CasADi.
     """
 
     iterations: int | None = None
     max_iter: int = 100
-    qp_solver: str = "qrqp"
+    qp_solver: str = "own"
 
     def __post_init__(self) -> None:
         if self.iterations is not None:

@@ -104,6 +104,7 @@ def gauss_newton_sqp(
     halvings : of a step at most, where it converges, until the merit function falls; the last is
         taken in any case
     """
+    qp_solver = "qrqp" if qp_solver == "own" else qp_solver
     if not isinstance(qp_solver, str) or not ca.has_conic(qp_solver):
         raise ValueError(f"qp_solver: expected a QP solver of CasADi, found {qp_solver!r}")
     largest = ca.Function("largest", [x, parameters], [ca.mmax(ca.diag(hessian))])(*nominal)

@@ -143,12 +143,17 @@ def test_elements_that_turn_too_far_are_told():
     assert float(result["violation"]) <= 1
 
 
-def test_frozen_weights_are_refused_where_qrqp_fails():
+@pytest.mark.parametrize("iterations", [None, 1])
+def test_frozen_weights_stay_where_they_are(iterations):
     lower, upper = np.full((2, 9), [[-0.1], [0.1]])
     lower[0] = upper[0] = 0
     model = cc.kinematic_model(replace(WING, weight_bounds=(lower, upper)), time_constant=TAU)
-    with pytest.raises(ValueError, match="model: expected room between the bounds"):
-        cc.tip_path_step_function(model, dt=DT, horizon=2)
+    solver = cc.tip_path_step_function(model, dt=DT, horizon=2, iterations=iterations)
+    result = _call(solver, _held(GOAL, 2))
+    assert float(result["violation"]) <= 1
+    assert float(result["stationarity"]) <= 1
+    assert_allclose(result["states"][0, :], 0, atol=1e-9)  # the primal tolerance of the program
+    assert np.abs(result["u"].full()[1:]).max() > 1e-3
 
 
 def test_weights_shape_the_optimum_as_in_the_formula():
@@ -196,7 +201,7 @@ def test_rates_curvatures_and_weights_keep_their_bounds(seed):
     assert np.abs(rates).max() <= 0.05 + slack
     assert np.all(np.abs(K).max(axis=(0, 2))[:2] <= np.array([0.01, 0.015]) + slack)
     assert max(np.abs(states[:, 1:]).max(), np.abs(inputs).max()) <= 0.012 + slack
-    assert float(result["violation"]) <= slack
+    assert float(result["violation"]) <= 1e-5  # of 1e-6: rounding
     # Each bound matters here.
     assert np.abs(inputs).max() > 0.012 - 1e-6
 
@@ -249,25 +254,18 @@ def test_real_time_iterations_follow_the_converged_ones(converged, real_time):
         x = STEP(x, u, 0).full().ravel()
 
 
-def test_a_real_time_iteration_keeps_linear_bounds_from_any_start():
+@pytest.mark.parametrize("qp_solver", ["own", "qpoases"])
+def test_a_real_time_iteration_keeps_linear_bounds_from_any_start(qp_solver):
     # Rates, curvatures and the lag are linear in the plan: one quadratic program meets them.
     exact = cc.tip_path_step_function(
-        MODEL, dt=DT, horizon=STAGES, iterations=1, qp_solver="qpoases", **BOUNDS
+        MODEL, dt=DT, horizon=STAGES, iterations=1, qp_solver=qp_solver, **BOUNDS
     )
     random = np.random.default_rng(0)
     for _ in range(20):
         x = random.uniform(-0.005, 0.005, 9)
-        path = _held(random.uniform(-0.03, 0.03, 9))
-        assert float(_call(exact, path, x=x)["violation"]) <= 1e-2  # 1e-8: rounding
-
-
-def test_a_real_time_iteration_tells_when_qrqp_gave_up(real_time):
-    random = np.random.default_rng(0)
-    for _ in range(20):
-        x = random.uniform(-0.005, 0.005, 9)
-        result = _call(real_time, _held(random.uniform(-0.03, 0.03, 9)), x=x)
-        rate = np.abs((result["u"].full().ravel() - x) / TAU).max()
-        assert rate <= RATE + float(result["violation"]) + 1e-9  # rounding
+        result = _call(exact, _held(random.uniform(-0.03, 0.03, 9)), x=x)
+        assert float(result["violation"]) <= 1e-2  # 1e-8: rounding
+        assert float(result["stationarity"]) <= 1
 
 
 def test_miss_tells_bounds_that_cannot_be_kept(converged):
@@ -302,7 +300,7 @@ def test_the_plan_is_shifted_by_one_stage(converged):
 def test_the_solver_uses_the_structured_jacobian(converged, real_time):
     for solver in (converged, real_time):
         names = {f.name() for f in solver.find_functions()}
-        assert "jac_tip" in names
+        assert "tip_pose" in names
         assert not [n for n in names if n.startswith(("fwd", "adj")) and "element" in n]
 
 

@@ -17,7 +17,7 @@ from curvcasadi.symbolic.expressions import Array, choice
 STATUSES = ("solved", "infeasible", "limit", "not convex")
 
 _ENTRY = """
-int solve(const qp_problem *p, qp_real *x, qp_real *lam, signed char *side, qp_real *w, short *set,
+int solve(const qp_problem *p, qp_real *x, qp_real *lam, int *side, qp_real *w, int *set,
           int *changes) {
   return (int)qp_solve(p, x, lam, side, w, set, changes);
 }
@@ -62,11 +62,11 @@ class NativeQp:
         problem, kept = self._problem(program, max_changes)
         n, m = problem.n, problem.m
         x, lam = np.zeros(n, self.kind), np.zeros(n + m, self.kind)
-        side = np.zeros(n + m, np.int8) if guess is None else np.array(guess, np.int8)
+        side = np.zeros(n + m, np.int32) if guess is None else np.array(guess, np.int32)
         work = np.zeros(n * n + n * (n + 1) // 2 + 5 * n, self.kind)
         changes = ctypes.c_int()
         pointers = (ctypes.c_void_p(v.ctypes.data) for v in (x, lam, side, work))
-        chosen = np.zeros(n, np.int16)
+        chosen = np.zeros(n, np.int32)
         status = self.library.solve(
             ctypes.byref(problem),
             *pointers,

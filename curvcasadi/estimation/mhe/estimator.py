@@ -212,7 +212,7 @@ def shape_mhe(
     root_inputs: Sequence[str] = (),
     iterations: int | None = None,
     max_iter: int = 100,
-    qp_solver: str = "qrqp",
+    qp_solver: str = "own",
     settings: SqpSettings | None = None,
     name: str = "mhe",
 ) -> ShapeMhe:

@@ -9,19 +9,24 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from curvcasadi.export import solver_c
 from curvcasadi.export.casadi_c import external, work_vector
 from curvcasadi.export.casadi_c.null_checks import without_failure_checks, without_null_checks
+from curvcasadi.export.solver_c import SolverC
+from curvcasadi.solvers.embedded import SolverFunction
+from curvcasadi.symbolic.expressions import Real
 
 #: What can be written instead, by what CasADi calls the part.
 _INSTEAD = {
-    "Qpoases|Osqp|Daqp|Highs|Hpipm|Ipqp|Proxqp|Piqp|Cplex|Gurobi|Clp|Ooqp": "the QP solver 'qrqp'",
+    "Daqp": "the solver itself, not a Function that calls it",
+    "Qpoases|Osqp|Highs|Hpipm|Ipqp|Proxqp|Piqp|Cplex|Gurobi|Clp|Ooqp": "the QP solver 'qrqp'",
     "Ipopt|Sqp|Scpgen|Alpaqa|Fatrop|Knitro|Worhp|Snopt|Bonmin": "nlpsol(…, 'sqpmethod', …) with "
     "qpsol 'qrqp', or shape_target_function and tip_path_step_function",
     "Newton|Kinsol|ImplicitToNlp": "rootfinder(…, 'fast_newton', …)",
@@ -46,29 +51,81 @@ _COMMENT = re.compile(r"(/\*.*?\*/|\"(?:\\.|[^\"\\])*\"|^[ \t]*#[ \t]*include[^\
 
 
 def generate(
-    functions: Sequence[ca.Function], stem: str, real: str
-) -> tuple[str, str, dict[str, int]]:
-    """Source and header of `functions`, in files of the name `stem`, and lengths of work vectors.
+    functions: Sequence[ca.Function], stem: str, real: Real
+) -> tuple[str, str, dict[str, dict[str, int]]]:
+    """Source and header of `functions`, in files of the name `stem`, and lengths of their buffers.
 
     Raises
     ------
     ValueError
         If a part of a function has no C of its own: names the function and what to use instead.
     """
+    solvers, plain = [], []
     for function in functions:
+        if isinstance(function, SolverFunction) and function.solver.is_exportable:
+            solvers.append(_solver_c(function, stem, real))
+        else:
+            plain.append(function)
+    parts = [part for solver in solvers for part in solver.parts]
+    for function in [*plain, *parts]:
         _refuse_unsupported(function, real)
-    source, header = (
-        _with_own_names(text, functions, stem) for text in _generated(functions, stem, real)
-    )
-    source, work = work_vector.compacted(_without_static_memory(source), functions)
-    integers = {f.name(): work_vector.integers(f) for f in functions}
+    made = [*plain, *parts]
+    source, header = (_with_own_names(text, made, stem) for text in _generated(made, stem, real))
+    source, work = work_vector.compacted(_without_static_memory(source), made)
+    sizes = {f.name(): _sizes(f, work) for f in plain}
+    integers = {name: size["iw"] for name, size in sizes.items()}
     source, header = (
         work_vector.told(work_vector.told(text, work), integers, "iw") for text in (source, header)
     )
     source = without_failure_checks(without_null_checks(source))
+    if solvers:
+        source, header = _with_solvers(source, header, solvers, stem, real)
+        sizes |= {solver.function.name(): solver.sizes(work) for solver in solvers}
     if real == "float":
         source = _single_precision(source, stem)
-    return *external.readable(source, header), work
+    return *external.readable(source, header), sizes
+
+
+def _sizes(function: ca.Function, work: Mapping[str, int]) -> dict[str, int]:
+    """Lengths of the buffers of a generated function."""
+    return {
+        "arg": function.sz_arg(),
+        "res": function.sz_res(),
+        "iw": work_vector.integers(function),
+        "w": work[function.name()],
+    }
+
+
+def _solver_c(function: SolverFunction, stem: str, real: Real) -> SolverC:
+    prefix = stem.removesuffix("_functions")
+    return SolverC(function=function, symbol=lambda f: symbol(f, prefix), real=real)
+
+
+def _with_solvers(
+    source: str, header: str, solvers: Sequence[SolverC], stem: str, real: Real
+) -> tuple[str, str]:
+    """Source and header with solvers, whose parts become static."""
+    for part in (part for solver in solvers for part in solver.parts):
+        name = symbol(part, stem.removesuffix("_functions"))
+        start = r"^(?:CASADI_SYMBOL_EXPORT )?[\w ]+[ *]"
+        body = r"\([^\n]*\{(?:[^\n]*\}\n|\n.*?^\}\n)"
+        others = rf"{start}{name}_(?:{_PUBLIC}){body}"
+        source = re.sub(others, "", source, flags=re.M | re.S)
+        source = re.sub(rf"^\w+ (?=int {name}\()", "static ", source, flags=re.M)
+        header = re.sub(rf"^[^\n]*\b{name}\w*\([^\n]*;\n", "", header, flags=re.M)
+        header = re.sub(rf"^#define {part.name()}_SZ_\w+ \d+\n", "", header, flags=re.M)
+    for pattern in re.findall(r"^#define (casadi_s\d+) ", source, re.M):
+        if len(re.findall(rf"\b{pattern}\b", source)) == 2:  # its macro and itself
+            source = re.sub(rf"^#define {pattern} [^\n]*\n", "", source, flags=re.M)
+            table = rf"^static const casadi_int {pattern}\[[^;]*;\n"
+            source = re.sub(table, "", source, flags=re.M)
+    prefix = stem.removesuffix("_functions")
+    text = solver_c.source(solvers, prefix, real)
+    declared = "".join(f"{solver_c.prototype(s.symbol(s.function))};\n" for s in solvers)
+    end = "#ifdef __cplusplus\n}"
+    before, after = source.rsplit(end, 1)
+    head, tail = header.rsplit(end, 1)
+    return f"{before}{text}\n{end}{after}", f"{head}{declared}{end}{tail}"
 
 
 def symbol(function: ca.Function, prefix: str) -> str:

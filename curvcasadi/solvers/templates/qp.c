@@ -43,8 +43,8 @@ typedef struct {
   qp_real *x, *u;   /* solution, multipliers of the set: not below zero but of equalities */
   qp_real *d, *z;   /* J'a of the limit in question, direction of x */
   qp_real *t, *y;   /* R^-1 d, work */
-  short *set;       /* the active limits, q of them */
-  signed char *side; /* -1 lower, 1 upper, 0 not active, QP_ASIDE left alone */
+  int *set;         /* the active limits, q of them */
+  int *side;        /* -1 lower, 1 upper, 0 not active, QP_ASIDE left alone */
   qp_real largest;  /* of the diagonal of H */
   qp_real dependent; /* part of a normal's square below which the active ones span it */
   int q, changes, most_changes;
@@ -141,30 +141,41 @@ static qp_real qp_limit(const qp_problem *p, int i, int side) {
 
 static qp_real *qp_column(const qp_state *s, int k) { return s->r + QP_PACKED(k); }
 
-/* L and from it J = L'^-1; 0 where H is not positive definite */
+static qp_real qp_largest_diagonal(const qp_problem *p) {
+  qp_real largest = 0;
+  int i;
+  for (i = 0; i < p->n; ++i) {
+    const qp_real diagonal = p->h[QP_PACKED(i) + i];
+    largest = diagonal > largest ? diagonal : largest;
+  }
+  return largest;
+}
+
+/* L by rows, packed, with L L' = H + shift; 0 where that is not positive definite */
+static int qp_cholesky(const qp_problem *p, qp_real shift, qp_real *l) {
+  const qp_real least = QP_EPS * qp_largest_diagonal(p);
+  int i, k, is_definite = 1;
+  for (i = 0; i < p->n && is_definite; ++i) {
+    qp_real *li = l + QP_PACKED(i), rest;
+    for (k = 0; k < i; ++k) {
+      const qp_real *lk = l + QP_PACKED(k);
+      li[k] = (p->h[QP_PACKED(i) + k] - qp_dot(k, li, lk)) / lk[k];
+    }
+    rest = p->h[QP_PACKED(i) + i] + shift - qp_dot(i, li, li);
+    is_definite = rest > least;
+    li[i] = is_definite ? QP_SQRT(rest) : 0;
+  }
+  return is_definite;
+}
+
+/* J = L'^-1; 0 where H is not positive definite */
 static int qp_factor(qp_state *s) {
   const int n = s->p->n;
-  const qp_real *h = s->p->h;
-  qp_real *l = s->r; /* free until limits are active */
+  const qp_real *l = s->r; /* free until limits are active */
   int i, k;
-  s->largest = 0;
-  for (i = 0; i < n; ++i) {
-    const qp_real diagonal = h[QP_PACKED(i) + i];
-    s->largest = diagonal > s->largest ? diagonal : s->largest;
-  }
-  for (i = 0; i < n; ++i) {
-    qp_real *li = l + QP_PACKED(i);
-    for (k = 0; k <= i; ++k) {
-      const qp_real *lk = l + QP_PACKED(k);
-      const qp_real rest = h[QP_PACKED(i) + k] - qp_dot(k, li, lk);
-      if (k < i) {
-        li[k] = rest / lk[k];
-      } else if (rest > QP_EPS * s->largest) {
-        li[i] = QP_SQRT(rest);
-      } else {
-        return 0;
-      }
-    }
+  s->largest = qp_largest_diagonal(s->p);
+  if (!qp_cholesky(s->p, 0, s->r)) {
+    return 0;
   }
   /* Row c of L^-1 is column c of J: (e_c - sum_k L_ck row_k) / L_cc */
   for (i = 0; i < n; ++i) {
@@ -234,8 +245,8 @@ static void qp_append(qp_state *s, int i, int side, qp_real multiplier) {
     column[k] = d[k];
   }
   s->u[s->q] = multiplier;
-  s->set[s->q] = (short)i;
-  s->side[i] = (signed char)side;
+  s->set[s->q] = i;
+  s->side[i] = side;
   ++s->q;
 }
 
@@ -484,12 +495,12 @@ static qp_entry qp_enter(qp_state *s, int i, int side) {
    program's numbers and nothing else; `work` holds 2 n numbers. */
 static int qp_is_optimal(const qp_problem *p, const qp_real *x, const qp_real *lam, qp_real *work) {
   const int n = p->n;
-  qp_real *left = work, *size = work + n, largest = 0;
+  const qp_real largest = qp_largest_diagonal(p);
+  qp_real *left = work, *size = work + n;
   int i, k, side, is_optimal = 1;
   for (i = 0; i < n; ++i) {
     left[i] = p->g[i];
     size[i] = qp_abs(p->g[i]);
-    largest = p->h[QP_PACKED(i) + i] > largest ? p->h[QP_PACKED(i) + i] : largest;
   }
   qp_add_hessian(p, x, left);
   for (i = 0; i < n; ++i) {
@@ -631,8 +642,8 @@ static int qp_is_crossed(const qp_problem *p) {
    guess of the set (-1 lower, 1 upper, 0 not active) and receives that of x. w holds QP_REALS(n)
    numbers, set n. If rounding leads astray, a second attempt without the guess takes more normals for
    dependent. */
-static qp_status qp_solve(const qp_problem *p, qp_real *x, qp_real *lam, signed char *side,
-                          qp_real *w, short *set, int *changes) {
+static qp_status qp_solve(const qp_problem *p, qp_real *x, qp_real *lam, int *side, qp_real *w,
+                          int *set, int *changes) {
   qp_state state;
   qp_state *const s = &state;
   const int n = p->n, all = p->n + p->m;

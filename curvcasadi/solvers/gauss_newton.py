@@ -1,0 +1,302 @@
+"""Gauss–Newton sequential quadratic programming on a condensed problem.
+
+At x a problem is its `linearization`: objective f, gradient g, Hessian H, values c of the
+constraints and their slopes A. A step d solves
+
+    min ½ dᵀH d + gᵀd   within the limits of x + d and c + A d
+
+A number of steps is taken in full (real-time iterations); otherwise steps are halved until the
+objective and σ times the violation fall, and end at the optimality conditions. `Solver` is this on
+a host, with a QP solver of CasADi; generated C does the same with its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.solvers.certificate import TOLERANCES, Bounds, Tolerances, larger
+from curvcasadi.solvers.stages import Stages
+from curvcasadi.symbolic.expressions import Array, Real
+
+#: The project's own solver: C on a target, CasADi's DAQP on the same numbers on a host.
+OWN = "own"
+_PLUGINS: dict[str, tuple[str, dict[str, Any]]] = {
+    OWN: ("daqp", {"daqp": {"primal_tol": 1e-10, "dual_tol": 1e-12}}),
+    "qrqp": ("qrqp", {"print_iter": False, "print_header": False, "print_info": False}),
+    "qpoases": ("qpoases", {"printLevel": "none"}),
+}
+
+#: Decrease that a step must reach, over what its linearization promises.
+ARMIJO = 1e-4
+#: Penalty of violations over the largest multiplier.
+PENALTY = 1.5
+#: Part of its tolerance at which a solution is called one: then no more steps are taken.
+ENOUGH = 0.1
+#: Between limits that coincide: DAQP refuses equalities that depend on each other.
+_ROOM = 1e-10
+#: Beyond all that is computed.
+_FAR = 1e30
+
+
+class Solution(NamedTuple):
+    """What a solver found; the last two by its result alone, whatever it says of itself."""
+
+    x: ca.MX
+    values: ca.MX  #: of the constraints at x
+    states: ca.MX  #: of the stages, one a column; empty where there are none
+    violation: ca.MX  #: excess over bounds and constraints, Euclidean norm
+    stationarity: ca.MX  #: distance from the optimality conditions over its tolerance
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GaussNewton:
+    """A problem and how it is solved.
+
+    Attributes
+    ----------
+    name : str
+        Prefix of its Functions.
+    linearization : casadi.Function
+        (x, p) -> objective, gradient, hessian, values, slopes, as in `stages.linearization`.
+    values : casadi.Function
+        (x, p) -> values of the constraints (m, 1), states (s, k).
+    bounds : Bounds
+        Numbers.
+    real : str
+        Precision that it will be solved in.
+    iterations : int or None
+        So many quadratic programs with full steps, or None to converge.
+    max_iter, halvings : int
+        Programs, and halvings of a step, at most, where it converges.
+    residual_unit : float or None
+        Size of a unit in the objective ½ |residual|²; the certificate then asks, too, what a
+        Newton step would still take from the residual where the objective is soft.
+    stages : Stages or None
+        Where the linearization is condensed of.
+    qp_solver : str
+        "own", or a QP plugin of CasADi.
+    """
+
+    name: str
+    linearization: ca.Function
+    values: ca.Function
+    bounds: Bounds
+    real: Real
+    iterations: int | None = None
+    max_iter: int = 100
+    halvings: int = 10
+    residual_unit: float | None = None
+    stages: Stages | None = None
+    qp_solver: str = OWN
+
+    def __post_init__(self) -> None:
+        plugin = _PLUGINS.get(self.qp_solver, (self.qp_solver,))[0]
+        if not isinstance(plugin, str) or not ca.has_conic(plugin):
+            raise ValueError(
+                f"qp_solver: expected 'own' or a QP solver of CasADi, found {self.qp_solver!r}"
+            )
+
+    @property
+    def tolerances(self) -> Tolerances:
+        """Of its precision."""
+        return TOLERANCES[self.real]
+
+    @property
+    def n(self) -> int:
+        """Unknowns."""
+        return int(self.linearization.nnz_in(0))
+
+    @property
+    def m(self) -> int:
+        """Constraints."""
+        return int(self.linearization.nnz_out("values"))
+
+    @property
+    def passes(self) -> int:
+        """Linearizations at most: of programs, and of shorter steps."""
+        return self.iterations if self.iterations is not None else 2 * self.max_iter
+
+    @cached_property
+    def limits(self) -> tuple[Array, Array]:
+        """(n + m,) lower and upper limits of x, then of the constraints."""
+        b = self.bounds
+        sides = ((b.lbx, b.lbg), (b.ubx, b.ubg))
+        sizes = (self.n, self.m)
+        return tuple(  # type: ignore[return-value]
+            np.concatenate(
+                [np.broadcast_to(np.ravel(part), size) for part, size in zip(s, sizes, strict=True)]
+            ).astype(float)
+            for s in sides
+        )
+
+    @cached_property
+    def program(self) -> ca.Function:
+        """(H triangle, g, Aᵀ, lower, upper) -> d, multipliers: one quadratic program."""
+        n, m = self.n, self.m
+        plugin, options = _PLUGINS.get(self.qp_solver, (self.qp_solver, {}))
+        triangle = self.linearization.sparsity_out("hessian")
+        slopes = self.linearization.sparsity_out("slopes")
+        shapes = {"h": ca.Sparsity.dense(n, n), "a": slopes.T}
+        solve = ca.conic(f"{self.name}_qp", plugin, shapes, {**options, "error_on_fail": False})
+        H, g = ca.MX.sym("H", triangle), ca.MX.sym("g", n)
+        At = ca.MX.sym("At", slopes)
+        lower, upper = ca.MX.sym("lower", n + m), ca.MX.sym("upper", n + m)
+        full = ca.densify(ca.triu2symm(H))
+        sides = {"lbx": lower[:n], "ubx": upper[:n], "lba": lower[n:], "uba": upper[n:]}
+        found = solve(h=full, g=g, a=At.T, **sides)
+        return ca.Function(
+            f"{self.name}_program",
+            [H, g, At, lower, upper],
+            [found["x"], ca.vertcat(found["lam_x"], found["lam_a"])],
+            {"never_inline": True},
+        )
+
+    def step(self, x: ca.MX, at: list[ca.MX]) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """(d, multipliers, distance from its optimality conditions) of the program at x."""
+        _, g, H, c, At = at
+        lower, upper = (ca.DM(side) for side in self.limits)
+        here = ca.vertcat(x, c)
+        room = ca.DM(_ROOM * (self.limits[0] == self.limits[1]))
+        d, multipliers = self.program(H, g, At, lower - here - room, upper - here + room)
+        left = ca.triu2symm(H) @ d + g
+        reached = here + ca.vertcat(d, At.T @ d)
+        return d, multipliers, self.distance(H, left, At, reached, multipliers)
+
+    def distance(
+        self, H: ca.MX, gradient: ca.MX, At: ca.MX, reached: ca.MX, multipliers: ca.MX
+    ) -> ca.MX:
+        """Distance from the optimality conditions over its tolerance, in units of x.
+
+        r = ∇f + Aᵀ λ_g + λ_x = 0, and multipliers only where their limit is reached.
+        """
+        lower, upper = (ca.DM(side) for side in self.limits)
+        tolerances = self.tolerances
+        left = gradient + multipliers[: self.n] + At @ multipliers[self.n :]
+        idle = ca.vertcat(
+            ca.fmin(ca.fmax(multipliers, 0), ca.fmax(upper - reached, 0)),
+            ca.fmin(ca.fmax(-multipliers, 0), ca.fmax(reached - lower, 0)),
+        )
+        errors = [left / tolerances.stationarity, idle / tolerances.stationarity]
+        if self.residual_unit is not None:
+            curved = ca.triu2symm(H) + tolerances.flat * ca.DM.eye(self.n)
+            gain = ca.dot(left, ca.solve(curved, left, "ldl"))
+            errors.append(ca.sqrt(gain) / (self.residual_unit * tolerances.decrement))
+        return ca.norm_2(ca.vertcat(*errors))
+
+    def violation(self, x: ca.MX, values: ca.MX) -> ca.MX:
+        """Excess over the limits, Euclidean norm."""
+        here = ca.vertcat(x, values)
+        lower, upper = (ca.DM(side) for side in self.limits)
+        return ca.norm_2(here - ca.fmin(ca.fmax(here, lower), upper))
+
+    def within(self, x: ca.MX) -> ca.MX:
+        """x, moved to within its bounds."""
+        lower, upper = (ca.DM(side[: self.n]) for side in self.limits)
+        return ca.fmin(ca.fmax(x, lower), upper)
+
+    def __call__(self, guess: ca.MX, p: ca.MX) -> Solution:
+        """Solution from a guess, which is moved to within the bounds first."""
+        if self.iterations is None:
+            state = self.loop(self.begun(self.within(guess)), ca.repmat(p, 1, self.passes))
+            parts = self.parts(state)
+            x, stationarity = parts["x"], parts["distance"]
+        else:
+            x, stationarity = self.within(guess), ca.MX(0)
+            for _ in range(self.iterations):
+                d, _, stationarity = self.step(x, self.linearization.call([x, p]))
+                x = self.within(x + d)
+        values, states = self.values(x, p)
+        return Solution(x, values, states, self.violation(x, values), stationarity)
+
+    @property
+    def _layout(self) -> dict[str, int]:
+        n = self.n
+        numbers = ("shrink", "merit", "change", "penalty", "halved", "distance", "done")
+        return {"tried": n, "x": n, "d": n, "multipliers": n + self.m, **dict.fromkeys(numbers, 1)}
+
+    def parts(self, state: ca.MX) -> dict[str, ca.MX]:
+        """What the loop carries, by name."""
+        found, at = {}, 0
+        for key, size in self._layout.items():
+            found[key] = state[at : at + size]
+            at += size
+        return found
+
+    def _state(self, **changed: Any) -> ca.MX:
+        return ca.vertcat(*(ca.densify(ca.MX(changed[key])) for key in self._layout))
+
+    def begun(self, x: ca.MX) -> ca.MX:
+        """State of the loop at a first point."""
+        zeros = {key: ca.MX.zeros(size) for key, size in self._layout.items()}
+        far = ca.MX(_FAR)
+        return self._state(**zeros | {"tried": x, "x": x, "merit": far, "distance": far})
+
+    @cached_property
+    def loop(self) -> ca.Function:
+        """State after at most `passes` points: (state, p a column a pass) -> state."""
+        size = sum(self._layout.values())
+        state, p = ca.MX.sym("state", size), ca.MX.sym("p", self.linearization.nnz_in(1))
+        name = f"{self.name}_pass"
+        rest = ca.Function(f"{name}_done", [state, p], [state])
+        go = ca.Function.if_else(name, rest, self._try())
+        done = self.parts(state)["done"]
+        one = ca.Function(f"{name}_one", [state, p], [go(done, state, p)])
+        return one.fold(self.passes)
+
+    def _try(self) -> ca.Function:
+        """(state, p) -> state: the tried point is accepted, or the step to it halved."""
+        size = sum(self._layout.values())
+        state, p = ca.MX.sym("state", size), ca.MX.sym("p", self.linearization.nnz_in(1))
+        s = self.parts(state)
+        at = self.linearization.call([s["tried"], p])
+        symbols = [ca.MX.sym(f"at{i}", part.sparsity()) for i, part in enumerate(at)]
+        lower, upper = (ca.DM(side[self.n :]) for side in self.limits)
+        c = symbols[3]
+        excess = ca.sum1(ca.fabs(c - ca.fmin(ca.fmax(c, lower), upper))) if self.m else ca.MX(0)
+
+        shorter = {"shrink": s["shrink"] / 2, "halved": s["halved"] + 1}
+        again = s | shorter | {"tried": self.within(s["x"] + shorter["shrink"] * s["d"])}
+        halve = ca.Function(f"{self.name}_halve", [state, *symbols], [self._state(**again)])
+        accept = ca.Function(
+            f"{self.name}_accept", [state, *symbols], [self._accepted(s, symbols, excess)]
+        )
+        merit = ca.Function("merit", [state, *symbols], [symbols[0] + s["penalty"] * excess])
+        noise = 16 * (1.2e-7 if self.real == "float" else 2.3e-16)
+        allowed = s["merit"] + ARMIJO * s["shrink"] * s["change"] + noise * ca.fabs(s["merit"])
+        worse = ca.logic_and(
+            ca.logic_not(merit(state, *at) <= allowed), s["halved"] < self.halvings
+        )
+        choose = ca.Function.if_else(f"{self.name}_choose", halve, accept)
+        return ca.Function(f"{self.name}_try", [state, p], [choose(worse, state, *at)])
+
+    def _accepted(self, s: dict[str, ca.MX], at: list[ca.MX], excess: ca.MX) -> ca.MX:
+        """State after the tried point: done, or with the step from there."""
+        f, g, H, c, At = at
+        x = s["tried"]
+        here = ca.vertcat(x, c)
+        stationarity = self.distance(H, g, At, here, s["multipliers"])
+        violation = self.violation(x, c) / self.tolerances.limit
+        moved = s["shrink"] * ca.norm_inf(s["d"])
+        still = ca.logic_and(s["shrink"] > 0, moved <= self.tolerances.step)
+        is_done = ca.logic_or(larger(stationarity, violation) <= ENOUGH, still)
+        same = s | {"x": x, "distance": stationarity}
+        d, multipliers, _ = self.step(x, at)
+        largest = ca.norm_inf(multipliers[self.n :]) if self.m else ca.MX(0)
+        penalty = ca.fmax(s["penalty"], PENALTY * largest)
+        on = same | {
+            "tried": self.within(x + d),
+            "d": d,
+            "multipliers": multipliers,
+            "shrink": ca.MX(1),
+            "halved": ca.MX(0),
+            "penalty": penalty,
+            "merit": f + penalty * excess,
+            "change": ca.dot(g, d) - penalty * excess,
+        }
+        done = same | {"done": ca.MX(1)}
+        return ca.if_else(is_done, self._state(**done), self._state(**on), True)

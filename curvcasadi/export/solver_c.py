@@ -46,7 +46,7 @@ class SolverC:
         problem, solver = self.problem, self.solver
         stages = problem.stages
         found = [solver.begin, solver.finish]
-        found += [solver.advance] if solver.advance is not None else []
+        found += [solver.advance] if solver.rounds else []
         direct = [problem.linearization, problem.values]
         return found + ([stages.error, stages.step, stages.limits] if stages else direct)
 
@@ -87,7 +87,7 @@ class SolverC:
         name = self.function.name()
         return "\n".join(
             [
-                *(self._stages(name) if self.problem.stages else []),
+                *(self._stages(name, self.problem.stages) if self.problem.stages else []),
                 *self._problem(name),
                 *self._solver(name),
                 f"{prototype(self.symbol(self.function))} {{",
@@ -97,9 +97,7 @@ class SolverC:
             ]
         )
 
-    def _stages(self, name: str) -> list[str]:
-        stages = self.problem.stages
-        assert isinstance(stages, Stages)
+    def _stages(self, name: str, stages: Stages) -> list[str]:
         slopes = {
             "a": stages.step.sparsity_out(1),
             "b": stages.step.sparsity_out(2),
@@ -154,7 +152,7 @@ class SolverC:
 
     def _solver(self, name: str) -> list[str]:
         solver, f = self.solver, self.function
-        advance = self.symbol(solver.advance) if solver.advance is not None else "0"
+        advance = self.symbol(solver.advance) if solver.rounds else "0"
         settings = [x for row in solver.rounds for x in row]
         fields = [
             *(f"&{name}_problem", f.n_in(), f.n_out(), solver.begin.nnz_out(1)),

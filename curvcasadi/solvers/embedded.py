@@ -10,6 +10,9 @@ import casadi as ca
 
 from curvcasadi.solvers.gauss_newton import OWN, GaussNewton
 
+#: Of solvers with a single round.
+_ONE_ROUND = ca.Function()
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class EmbeddedSolver:
@@ -24,8 +27,8 @@ class EmbeddedSolver:
     finish : casadi.Function
         The solver's inputs, then x, states, violation, stationarity and that of the round before ->
         the solver's outputs.
-    advance : casadi.Function or None
-        (x, parameters, settings) -> parameters of the next round.
+    advance : casadi.Function
+        (x, parameters, settings) -> parameters of the next round; where there are more than one.
     rounds : sequence of sequences of float
         Settings of each round after the first.
     """
@@ -33,7 +36,7 @@ class EmbeddedSolver:
     problem: GaussNewton
     begin: ca.Function
     finish: ca.Function
-    advance: ca.Function | None = None
+    advance: ca.Function = _ONE_ROUND
     rounds: Sequence[Sequence[float]] = ()
 
     @property
@@ -47,8 +50,7 @@ class EmbeddedSolver:
         found = self.problem(x, parameters)
         before = found.stationarity
         for settings in self.rounds:
-            assert self.advance is not None
-            parameters = self.advance(found.x, parameters, ca.DM([*settings]))
+            (parameters,) = self.advance.call([found.x, parameters, ca.DM([*settings])])
             before, found = found.stationarity, self.problem(found.x, parameters)
         ends = [found.x, found.states, found.violation, found.stationarity, before]
         return list(self.finish.call([*inputs, *ends]))

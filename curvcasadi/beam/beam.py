@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -25,6 +28,8 @@ from curvcasadi.symbolic.expressions import (
     station,
 )
 from curvcasadi.symbolic.text import described, grouped, shown
+
+_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -67,6 +72,7 @@ class Beam:
     bodies: tuple[Body, ...] = ()
     _initial: Along = field(init=False, repr=False)
     _bounds: tuple[Array, Array] = field(init=False, repr=False)
+    _memory: OrderedDict[Hashable, Any] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         own_fields(self)
@@ -90,6 +96,7 @@ class Beam:
         initial = np.zeros(3) if self.initial_curvature is None else self.initial_curvature
         object.__setattr__(self, "_initial", Along("Beam.initial_curvature", initial, vector))
         object.__setattr__(self, "_bounds", self._validated_bounds())
+        object.__setattr__(self, "_memory", OrderedDict())
 
     def _validated_bounds(self) -> tuple[Array, Array]:
         n, bounds = self.basis.n, self.weight_bounds
@@ -144,16 +151,21 @@ class Beam:
         lower, upper = self._bounds
         return lower.copy(), upper.copy()
 
-    @property
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_memory": OrderedDict()}
+
+    @cached_property
     def breaks(self) -> tuple[float, ...]:
         """Interior xi that no element crosses: breaks of the basis, K_0 and the section."""
         points = breaks_of(self.basis, self.initial_curvature, self.section)
         return merged_breaks([*points, *(body.xi for body in self.bodies)])
 
-    @property
+    @cached_property
     def stations(self) -> Array:
-        """Element boundaries xi (N + 1,) from 0 to 1; every break is one."""
-        return self.grid.stations(self.breaks)
+        """Element boundaries xi (N + 1,) from 0 to 1, read-only; every break is one."""
+        stations = self.grid.stations(self.breaks)
+        stations.setflags(write=False)
+        return stations
 
     def initial_curvature_at(self, xi: float) -> AnyExpr:
         """K_0 (3, 1), rad/m, local axes, at the station `xi`.
@@ -170,7 +182,7 @@ class Beam:
         """
         return self._initial(xi)
 
-    @property
+    @cached_property
     def design_symbols(self) -> dict[str, AnyExpr]:
         """Fields that shape the beam and hold CasADi symbols, by name."""
         stations = self.stations
@@ -185,6 +197,22 @@ class Beam:
             ),
         }
         return {name: value for name, value in fields.items() if not is_numeric(value)}
+
+
+#: Results that a beam keeps, at most: those that were asked for last.
+_KEPT = 64
+
+
+def remembered(beam: Beam, key: Hashable, make: Callable[[], _Result]) -> _Result:
+    """What `make` returns, which the beam keeps by `key`: it is dropped with the beam."""
+    memory = beam._memory
+    if key not in memory:
+        memory[key] = make()
+        while len(memory) > _KEPT:
+            memory.popitem(last=False)
+    memory.move_to_end(key)
+    result: _Result = memory[key]
+    return result
 
 
 def merged_breaks(points: Iterable[float]) -> tuple[float, ...]:

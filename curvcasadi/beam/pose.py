@@ -36,7 +36,8 @@ class Pose:
 
     def __post_init__(self) -> None:
         for name, shape in (("rotation", (3, 3)), ("position", (3, 1))):
-            value = copied(expression(f"Pose.{name}", getattr(self, name), shape))
+            value = expression(f"Pose.{name}", getattr(self, name), shape)
+            value = value if is_numeric(value) else copied(value)  # numbers are a copy already
             object.__setattr__(self, name, value)
 
     def __str__(self) -> str:
@@ -84,6 +85,14 @@ class Pose:
             Of the parent frame.
         """
         return Pose(rotation=self.rotation.T, position=-(self.rotation.T @ self.position))
+
+
+def pose_of(rotation: ca.DM, position: ca.DM) -> Pose:
+    """A pose of matrices that nobody else holds and that need no check: results of the library."""
+    pose = object.__new__(Pose)
+    object.__setattr__(pose, "rotation", rotation)
+    object.__setattr__(pose, "position", position)
+    return pose
 
 
 def unpack_pose(state: Expr) -> tuple[Expr, Expr]:

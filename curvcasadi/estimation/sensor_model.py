@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.beam import Beam, remembered
 from curvcasadi.estimation.samples import missing_residuals, numbers_or_nan
 from curvcasadi.sensors import (
     AttitudeSensor,
@@ -103,7 +102,8 @@ def sensor_model(
         raise ValueError(f"{name}: sensors of a numeric beam expected, found the symbol {symbol}")
     if root is not None:
         instance("root", root, RootMotion)
-    return _model(beam, checked_sensors(sensors), tuple(inputs), tuple(unknowns), root)
+    key = (checked_sensors(sensors), tuple(inputs), tuple(unknowns), root)
+    return remembered(beam, ("sensor model", *key), lambda: _model(beam, *key))
 
 
 def check_numeric(beam: Beam, sensors: Sequence[Sensor]) -> None:
@@ -117,7 +117,6 @@ def check_numeric(beam: Beam, sensors: Sequence[Sensor]) -> None:
         raise ValueError(f"{name}: expected numbers in a filter, found the symbol {symbol}")
 
 
-@lru_cache(maxsize=32)
 def _model(
     beam: Beam,
     sensors: tuple[Sensor, ...],

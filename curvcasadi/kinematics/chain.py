@@ -16,7 +16,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.beam import Beam, remembered
 from curvcasadi.beam.grid import ElementRule, ExponentialName
 from curvcasadi.beam.pose import Pose, unpack_pose
 from curvcasadi.kinematics import element
@@ -105,13 +105,9 @@ def build(
     elements, unless they are the beam's.
     """
     if parameters is None and boundaries is None:
-        return _built(beam, tuple(stations))
+        at = tuple(stations)
+        return remembered(beam, ("chain", at), lambda: _build(beam, at, None, beam.stations))
     return _build(beam, stations, parameters, beam.stations if boundaries is None else boundaries)
-
-
-@lru_cache(maxsize=64)
-def _built(beam: Beam, stations: tuple[float, ...]) -> Chain:
-    return _build(beam, stations, None, beam.stations)
 
 
 def _build(
@@ -273,6 +269,13 @@ def squared_angle(pattern: Pattern) -> ca.Function:
     return ca.Function(
         "element_squared_angle", [q, data], [ca.sumsqr(theta)], ["q", "data"], ["squared_angle"]
     )
+
+
+def squared_angles(beam: Beam, q: AnyExpr) -> AnyExpr:
+    """θ² (N, 1), rad², of the elements of a beam."""
+    elements = build(beam, (1.0,))
+    angle = squared_angle(elements.pattern).map(len(elements.data))
+    return angle(ca.repmat(q, 1, len(elements.data)), ca.horzcat(*elements.data)).T
 
 
 #: State of the identity pose.

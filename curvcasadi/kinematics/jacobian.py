@@ -18,6 +18,7 @@ from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics import chain, element
 from curvcasadi.kinematics.chain import Interval, Pattern
+from curvcasadi.kinematics.numeric import evaluated
 from curvcasadi.kinematics.weights import checked_weights
 from curvcasadi.lie import so3
 from curvcasadi.symbolic.expressions import AnyExpr, station
@@ -45,9 +46,13 @@ def body_jacobian(beam: Beam, q: AnyExpr, xi: float = 1.0) -> AnyExpr:
     ValueError
         As `shape_map`; and for an exponential that leaves SO(3), which has no twist.
     """
-    q = checked_weights(beam, q)
-    (state,) = jacobian_states(chain.build(beam, (station("xi", xi),)), q)
-    return body_jacobian_of(state)
+    at = station("xi", xi)
+
+    def formula(q: AnyExpr) -> AnyExpr:
+        (state,) = jacobian_states(chain.build(beam, (at,)), q)
+        return body_jacobian_of(state)
+
+    return evaluated(beam, f"body_jacobian {at!r}", formula, q=checked_weights(beam, q))
 
 
 def jacobian_states(

@@ -18,6 +18,7 @@ from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics import chain, element
 from curvcasadi.kinematics.chain import Pattern
 from curvcasadi.kinematics.jacobian import to_body
+from curvcasadi.kinematics.numeric import evaluated
 from curvcasadi.kinematics.rules import strain_with_derivatives
 from curvcasadi.kinematics.weights import checked_weights
 from curvcasadi.lie import so3
@@ -48,15 +49,19 @@ def body_jacobian_rate(beam: Beam, q: AnyExpr, q_dot: AnyExpr, xi: float = 1.0) 
         Time derivative of `body_jacobian`, in the same axes.
     """
     q, q_dot = _weights_and_rate(beam, q, q_dot)
-    beam_chain = chain.build(beam, (station("xi", xi),))
-    motion = Motion(q=q, q_dot=q_dot)
-    (state,) = motion_states(beam_chain, motion, order=1, jacobian=True)
-    at_station = unpack_motion(state, order=1)
-    (a, b), (a_rate, b_rate) = at_station.sums
-    omega_hat = so3.hat(at_station.twist[:3])
-    angular = a_rate - omega_hat @ a
-    linear = b_rate - so3.hat(at_station.twist[3:]) @ a - omega_hat @ b
-    return to_body(at_station.rotation, at_station.position, angular, linear)
+    at = station("xi", xi)
+
+    def formula(**motion: AnyExpr) -> AnyExpr:
+        beam_chain = chain.build(beam, (at,))
+        (state,) = motion_states(beam_chain, Motion(**motion), order=1, jacobian=True)
+        at_station = unpack_motion(state, order=1)
+        (a, b), (a_rate, b_rate) = at_station.sums
+        omega_hat = so3.hat(at_station.twist[:3])
+        angular = a_rate - omega_hat @ a
+        linear = b_rate - so3.hat(at_station.twist[3:]) @ a - omega_hat @ b
+        return to_body(at_station.rotation, at_station.position, angular, linear)
+
+    return evaluated(beam, f"body_jacobian_rate {at!r}", formula, q=q, q_dot=q_dot)
 
 
 def body_twist(
@@ -89,16 +94,18 @@ def body_twist(
         Angular rate, rad/s, and velocity, m/s, in the local axes of the station.
     """
     q, q_dot = _weights_and_rate(beam, q, q_dot)
-    beam_chain = chain.build(beam, (station("xi", xi),))
-    motion = Motion(q=q, q_dot=q_dot)
+    at, arguments = station("xi", xi), {"q": q, "q_dot": q_dot}
     if root_twist is not None:
-        root_twist = expression("root_twist", root_twist, (6, 1))
-        same_kind(q=q, q_dot=q_dot, root_twist=root_twist, **beam.design_symbols)
-        motion = motion._replace(root_twist=root_twist)
-    (state,) = motion_states(beam_chain, motion, order=1)
-    at_station = unpack_motion(state, order=1)
-    twist = at_station.twist
-    return to_body(at_station.rotation, at_station.position, twist[:3], twist[3:])
+        arguments["root_twist"] = expression("root_twist", root_twist, (6, 1))
+        same_kind(**arguments, **beam.design_symbols)
+
+    def formula(**motion: AnyExpr) -> AnyExpr:
+        (state,) = motion_states(chain.build(beam, (at,)), Motion(**motion), order=1)
+        at_station = unpack_motion(state, order=1)
+        twist = at_station.twist
+        return to_body(at_station.rotation, at_station.position, twist[:3], twist[3:])
+
+    return evaluated(beam, f"body_twist {at!r}", formula, **arguments)
 
 
 class Motion(NamedTuple):

@@ -9,10 +9,11 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.beam.pose import Pose, unpack_pose
+from curvcasadi.beam.pose import Pose, pose_of, unpack_pose
 from curvcasadi.kinematics import chain
-from curvcasadi.kinematics.weights import checked_weights, element_angles
-from curvcasadi.symbolic.expressions import AnyExpr, Array, expression, station
+from curvcasadi.kinematics.numeric import NumericPoses, numeric_shape
+from curvcasadi.kinematics.weights import check_angles, checked_weights, element_angles
+from curvcasadi.symbolic.expressions import AnyExpr, Array, expression, is_numeric, station
 from curvcasadi.symbolic.text import described, shown
 
 
@@ -24,14 +25,14 @@ class Shape:
     ----------
     stations : array, shape (N + 1,)
         Stations s/L of the element boundaries.
-    poses : tuple of Pose
+    poses : sequence of Pose
         N + 1 poses, local to parent axes.
     curvatures : SX, MX or DM, shape (3, N + 1)
         Curvatures K, rad/m, local axes, one station per column.
     """
 
     stations: Array
-    poses: tuple[Pose, ...]
+    poses: Sequence[Pose]
     curvatures: AnyExpr
 
     def __repr__(self) -> str:
@@ -55,6 +56,8 @@ class Shape:
     @property
     def positions(self) -> AnyExpr:
         """p (3, N + 1), m, parent axes, one station per column."""
+        if isinstance(self.poses, NumericPoses):
+            return ca.DM(self.poses.positions)
         return ca.horzcat(*(pose.position for pose in self.poses))
 
     @property
@@ -84,17 +87,32 @@ def shape_map(beam: Beam, q: AnyExpr) -> Shape:
         If `q` has a wrong shape or a NaN, breaks `Beam.weight_bounds`, or turns an element by more
         than `Grid.max_angle`.
     """
-    return unchecked_shape(beam, checked_weights(beam, q))
+    q = checked_weights(beam, q, angles=False)
+    shape, squared_angle = _shape(beam, q)
+    if squared_angle is None or squared_angle > beam.grid.max_angle**2:
+        check_angles(beam, q)
+    return shape
 
 
 def unchecked_shape(beam: Beam, q: AnyExpr) -> Shape:
     """`shape_map` of weights (n, 1) that may break its limits, as those of a failed solve do."""
+    return _shape(beam, q)[0]
+
+
+def _shape(beam: Beam, q: AnyExpr) -> tuple[Shape, float | None]:
+    """Shape, and the largest θ² of an element, rad², where it is known."""
     stations = beam.stations
-    return Shape(
+    if is_numeric(q) and not beam.design_symbols:
+        numeric = numeric_shape(beam, q, stations.tolist())
+        found = NumericPoses(numeric.rotations, numeric.positions)
+        shape = Shape(stations=stations, poses=found, curvatures=numeric.curvatures)
+        return shape, numeric.squared_angle
+    shape = Shape(
         stations=stations,
         poses=tuple(poses(beam, q, stations.tolist())),
         curvatures=ca.horzcat(*(_curvature(beam, q, xi) for xi in stations)),
     )
+    return shape, None
 
 
 def pose_at(beam: Beam, q: AnyExpr, xi: float) -> Pose:
@@ -116,8 +134,14 @@ def pose_at(beam: Beam, q: AnyExpr, xi: float) -> Pose:
     Pose
         Local to parent axes, of the kind of `q`.
     """
-    xi = station("xi", xi)
-    return poses(beam, checked_weights(beam, q), [xi])[0]
+    xi, q = station("xi", xi), checked_weights(beam, q, angles=False)
+    if is_numeric(q) and not beam.design_symbols:
+        numeric = numeric_shape(beam, q, (xi,))
+        if numeric.squared_angle > beam.grid.max_angle**2:
+            check_angles(beam, q)
+        return pose_of(numeric.rotations, numeric.positions)
+    check_angles(beam, q)
+    return poses(beam, q, [xi])[0]
 
 
 def curvature(beam: Beam, q: AnyExpr, xi: float) -> AnyExpr:
@@ -168,6 +192,9 @@ def squared_element_angles(beam: Beam, q: AnyExpr) -> AnyExpr:
 
 def poses(beam: Beam, q: AnyExpr, stations: Sequence[float]) -> list[Pose]:
     """Poses of numeric stations, from weights that are checked already."""
+    if is_numeric(q) and not beam.design_symbols:
+        numeric = numeric_shape(beam, q, stations)
+        return [*NumericPoses(numeric.rotations, numeric.positions)[:]]
     beam_chain = chain.build(beam, stations)
     root = beam.root.packed
     states = beam_chain.march([chain.pose_step(beam_chain.pattern)], root, q)

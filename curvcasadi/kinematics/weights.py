@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.kinematics import chain
+from curvcasadi.kinematics.numeric import evaluated
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
@@ -20,8 +23,10 @@ from curvcasadi.symbolic.expressions import (
 BOUND_SLACK = 1e-6
 
 
-def checked_weights(beam: Beam, q: AnyExpr, name: str = "q") -> AnyExpr:
+def checked_weights(beam: Beam, q: AnyExpr, name: str = "q", *, angles: bool = True) -> AnyExpr:
     """`q` (n, 1) for `beam`; numbers must respect the weight bounds and the largest element angle.
+
+    With `angles=False` the caller checks the angles, by `check_angles`.
 
     Raises
     ------
@@ -31,20 +36,11 @@ def checked_weights(beam: Beam, q: AnyExpr, name: str = "q") -> AnyExpr:
     """
     instance("beam", beam, Beam)
     q = expression(name, q, (beam.basis.n, 1))
-    design = beam.design_symbols
-    same_kind(**{name: q}, **design)
-    if not is_numeric(q):
-        return q
-    lower, upper = beam.bounds
-    values = q.full().ravel()
-    lowest, highest = lower - BOUND_SLACK * np.abs(lower), upper + BOUND_SLACK * np.abs(upper)
-    for i in np.flatnonzero((values < lowest) | (values > highest)):
-        raise ValueError(
-            f"{name}[{i}] ({beam.basis.labels[i]}): expected within Beam.weight_bounds "
-            f"[{lower[i]:g}, {upper[i]:g}] rad/m, found {values[i]:g}"
-        )
-    if not design.keys() & {"Beam.length", "Beam.initial_curvature"}:
-        _check_angles(beam, q, name)
+    same_kind(**{name: q}, **beam.design_symbols)
+    if is_numeric(q) and beam.weight_bounds is not None:
+        _check_bounds(beam, q, name)
+    if angles:
+        check_angles(beam, q, name)
     return q
 
 
@@ -57,7 +53,21 @@ def exceeded_limit(beam: Beam, q: Array | ca.DM) -> str:
     return ""
 
 
-def _check_angles(beam: Beam, q: ca.DM, name: str) -> None:
+def _check_bounds(beam: Beam, q: ca.DM, name: str) -> None:
+    lower, upper = beam.bounds
+    values = q.full().ravel()
+    lowest, highest = lower - BOUND_SLACK * np.abs(lower), upper + BOUND_SLACK * np.abs(upper)
+    for i in np.flatnonzero((values < lowest) | (values > highest)):
+        raise ValueError(
+            f"{name}[{i}] ({beam.basis.labels[i]}): expected within Beam.weight_bounds "
+            f"[{lower[i]:g}, {upper[i]:g}] rad/m, found {values[i]:g}"
+        )
+
+
+def check_angles(beam: Beam, q: AnyExpr, name: str = "q") -> None:
+    """Refuse numeric weights by which an element turns more than `Grid.max_angle`."""
+    if not is_numeric(q) or beam.design_symbols.keys() & {"Beam.length", "Beam.initial_curvature"}:
+        return
     largest = beam.grid.max_angle
     angles = np.sqrt(element_angles(beam, q).full().ravel())
     worst = int(np.argmax(angles))
@@ -71,6 +81,4 @@ def _check_angles(beam: Beam, q: ca.DM, name: str) -> None:
 
 def element_angles(beam: Beam, q: AnyExpr) -> AnyExpr:
     """Squared angles (N, 1), rad², of the elements; unchecked."""
-    elements = chain.build(beam, (1.0,))
-    angle = chain.squared_angle(elements.pattern).map(len(elements.data))
-    return angle(ca.repmat(q, 1, len(elements.data)), ca.horzcat(*elements.data)).T
+    return evaluated(beam, "element angles", partial(chain.squared_angles, beam), q=q)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import fields
+from math import isfinite
 from typing import Any, Literal, TypeAlias, TypeVar
 
 import casadi as ca
@@ -45,10 +45,13 @@ def expression(name: str, value: Number, shape: tuple[int, int]) -> AnyExpr:
     ValueError
         If the shape differs, or a number is NaN or infinite.
     """
-    if is_numeric(value):
+    if isinstance(value, ca.DM) and value.is_regular():
+        value = ca.densify(value)  # a copy, without the detour over numpy
+    elif is_numeric(value):
         value = ca.DM(numbers(name, value))
-    if tuple(value.shape) != shape:
-        raise ValueError(f"{name}: expected shape {shape}, found {tuple(value.shape)}")
+    found = value.shape
+    if found != shape:
+        raise ValueError(f"{name}: expected shape {shape}, found {found}")
     return value
 
 
@@ -172,7 +175,8 @@ def station(name: str, xi: float) -> float:
     """`xi`, a numeric normalized arc length in [0, 1]; within 1e-12 of an end, that end."""
     if not is_numeric(xi):
         raise ValueError(f"{name}: expected a number in [0, 1], found the symbol {xi}")
-    value = float(expression(name, xi, (1, 1)))
+    plain = isinstance(xi, float) and isfinite(xi)
+    value = float(xi if plain else expression(name, xi, (1, 1)))
     if not -COINCIDENT <= value <= 1.0 + COINCIDENT:
         raise ValueError(f"{name}: expected a number in [0, 1], found {value}")
     return 0.0 if value <= COINCIDENT else 1.0 if value >= 1.0 - COINCIDENT else value
@@ -207,7 +211,8 @@ def copied(value: Any) -> Any:
         array.setflags(write=False)
         return array
     if isinstance(value, (ca.SX, ca.MX, ca.DM)):
-        return copy(value)
+        kind: Any = type(value)
+        return kind(value)
     if type(value) in (list, tuple):
         return type(value)(map(copied, value))
     if type(value) is dict:

@@ -41,6 +41,19 @@ def test_lobatto_points_are_the_ends_and_the_roots_of_the_derivative(n):
     assert np.all(np.diff(points) > 0)
 
 
+def test_lobatto_points_are_made_once_and_cannot_be_changed():
+    assert lobatto_points(17) is lobatto_points(17)
+    assert not lobatto_points(17).flags.writeable
+
+
+def test_lobatto_points_of_many_elements_are_extrema_of_the_legendre_polynomial():
+    n = 500
+    x = 2 * lobatto_points(n) - 1
+    slope = n * (eval_legendre(n - 1, x) - x * eval_legendre(n, x))  # (1 - x²) P_n'
+    # A rounding of x, 1e-16, times the slope's own derivative, n (n + 1) P_n.
+    assert np.abs(slope).max() <= 1e-16 * 10 * n * (n + 1)
+
+
 def test_lobatto_points_integrate_polynomials_of_degree_2n_minus_1():
     n = 6
     points = lobatto_points(n)

@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test docs target-test fault-test benchmarks figures clean
+.PHONY: demo test quick docs target-test fault-test benchmarks figures clean
 
 demo: $(VENV)/installed
 	@command -v gcc >/dev/null || { echo "make demo compiles C: gcc is missing (Debian: apt-get install gcc)"; exit 1; }
@@ -17,7 +17,15 @@ test: $(VENV)/installed-test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/mypy --strict --follow-imports=silent -p curvcasadi.lie -m curvcasadi.beam.basis -m curvcasadi.beam.families -m curvcasadi.beam.grid -m curvcasadi.symbolic.layout -m curvcasadi.symbolic.compiled
-	$(BIN)/pytest -n 2
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2
+
+# While working: lint, and the tests that are not `slow`, those of folders and files that solve,
+# compile or draw (tests/conftest.py lists them), in at most a fifth of the processor time of
+# `make test`. Beside it run the folder that you work on, as in `.venv/bin/pytest tests/estimation`.
+quick: $(VENV)/installed-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 -m "not slow"
 
 target-test: $(VENV)/installed-test
 	$(BIN)/python -m codegen.target

@@ -330,7 +330,7 @@ def in_c(real: Real, steps: int, every: int, folder: Path) -> Array:
     (folder / "driver.c").write_text(_DRIVER)
     sources = ["driver.c", "curv.c", "curv_functions.c"]
     subprocess.run(
-        ["gcc", "-std=c99", "-O2", *sources, "-o", "driver", "-lm"], cwd=folder, check=True
+        ["gcc", "-std=c99", "-O1", *sources, "-o", "driver", "-lm"], cwd=folder, check=True
     )
     said = subprocess.run(["./driver"], cwd=folder, check=True, capture_output=True, text=True)
     return np.array([line.split() for line in said.stdout.splitlines()], dtype=float)

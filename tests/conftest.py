@@ -11,7 +11,35 @@ import pytest
 import curvcasadi as cc
 from tests.support.oracle import WING_LENGTH
 
+#: What `make quick` leaves out, relative to this folder: tests that solve, compile or draw.
+SLOW = {
+    "aircraft",
+    "cli",
+    "codegen",
+    "dynamics",
+    "estimation/test_ekf.py",
+    "estimation/test_ekf_export.py",
+    "estimation/test_fit.py",
+    "estimation/test_mhe.py",
+    "estimation/test_placement.py",
+    "export",
+    "ocp",
+    "plotting",
+    "published",
+    "claims/test_examples.py",
+    "claims/test_docs.py",
+    "statics/test_equilibrium.py",
+    "solvers/test_sqp.py",
+}
+TESTS = Path(__file__).parent
 REFERENCE = Path(__file__).parent / "reference"
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        place = item.path.relative_to(TESTS)
+        if SLOW & {place.parts[0], place.as_posix()}:
+            item.add_marker(pytest.mark.slow)
 
 
 def _name(kind):

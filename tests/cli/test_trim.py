@@ -2,6 +2,7 @@
 
 import csv
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -12,7 +13,11 @@ from curvcasadi.cli.main import main
 from curvcasadi.files.aircraft import load_aircraft
 from curvcasadi.plotting import plot_trim
 
-HALE_AIRCRAFT = str(Path(__file__).parents[2] / "ocp_examples" / "hale_aircraft.toml")
+EXAMPLE = Path(__file__).parents[2] / "ocp_examples" / "hale_aircraft.toml"
+#: The aircraft of the example on a coarse grid, which trims in a fraction of the time.
+FOLDER = TemporaryDirectory()
+HALE_AIRCRAFT = str(Path(FOLDER.name) / "hale_aircraft.toml")
+Path(HALE_AIRCRAFT).write_text(EXAMPLE.read_text().replace("elements = 16", "elements = 5"))
 DENSITY = 0.0889  # kg/m³, at 20 km
 FLAPS = '[[beams.aerodynamics.controls]]\nname = "flap"\nlift = 3.0\n\n[[beams]]\nname = "left"'
 

@@ -183,36 +183,36 @@ def loaded():
 
 
 @pytest.fixture(scope="module")
-def thousand(loaded):
-    """Fits of four attitude sensors of 0.5 degrees to the wing under 1 g."""
+def fits(loaded):
+    """400 fits of four attitude sensors of 0.5 degrees to the wing under 1 g."""
     rng, exact = np.random.default_rng(11), attitudes(loaded)
-    return [cc.fit_shape(WING, ATTITUDES, noisy(exact, rng)) for _ in range(1000)]
+    return [cc.fit_shape(WING, ATTITUDES, noisy(exact, rng)) for _ in range(400)]
 
 
-def test_errors_of_a_thousand_fits_are_as_predicted(thousand, loaded):
+def test_errors_of_many_fits_are_as_predicted(fits, loaded):
     predicted = np.linalg.inv(cc.information_matrix(WING, ATTITUDES, loaded))
-    errors = np.array([fit.q.full().ravel() for fit in thousand]) - loaded
+    errors = np.array([fit.q.full().ravel() for fit in fits]) - loaded
     ratio = np.std(errors, axis=0) / np.sqrt(np.diag(predicted))
-    # The issue's requirement; a thousand fits estimate a deviation to 2.2 %.
+    # 400 fits estimate a deviation to 3.5 %.
     assert np.all(np.abs(ratio - 1) < 0.1)
-    assert np.all(np.abs(np.mean(errors, axis=0)) < 4 * np.std(errors, axis=0) / np.sqrt(1000))
-    # All six together: Σ errorᵀ P⁻¹ error is χ² of 6000.
+    assert np.all(np.abs(np.mean(errors, axis=0)) < 4 * np.std(errors, axis=0) / np.sqrt(400))
+    # All six together: Σ errorᵀ P⁻¹ error is χ² of 2400.
     total = np.einsum("ij,jk,ik->", errors, np.linalg.inv(predicted), errors)
-    assert 1e-3 < chi2.cdf(total, 6000) < 1 - 1e-3
+    assert 1e-3 < chi2.cdf(total, 2400) < 1 - 1e-3
 
 
-def test_the_tip_scatters_as_predicted(thousand, loaded):
+def test_the_tip_scatters_as_predicted(fits, loaded):
     covariance = np.linalg.inv(cc.information_matrix(WING, ATTITUDES, loaded))
     predicted = cc.shape_deviations(WING, loaded, covariance, [1.0]).position[:, 0]
-    weights = ca.horzcat(*(fit.q for fit in thousand))
-    tips, _ = cc.tip_function(WING).map(len(thousand))(weights)
-    assert_allclose(tips[:, 0].full(), thousand[0].shape.tip.position.full(), atol=1e-12)
+    weights = ca.horzcat(*(fit.q for fit in fits))
+    tips, _ = cc.tip_function(WING).map(len(fits))(weights)
+    assert_allclose(tips[:, 0].full(), fits[0].shape.tip.position.full(), atol=1e-12)
     assert np.all(np.abs(np.std(tips.full(), axis=1) / predicted - 1) < 0.1)
 
 
-def test_p_values_are_uniform(thousand):
-    p_values = [fit.p_value for fit in thousand]
-    assert thousand[0].degrees_of_freedom == 6
+def test_p_values_are_uniform(fits):
+    p_values = [fit.p_value for fit in fits]
+    assert fits[0].degrees_of_freedom == 6
     # A wrong count of degrees of freedom gives 1e-20.
     assert kstest(p_values, "uniform").pvalue > 0.01
 
@@ -282,13 +282,13 @@ def test_readings_by_name_may_leave_sensors_out():
 
 
 def test_a_robust_loss_survives_outliers_that_squares_do_not(loaded):
-    """Two of ten attitudes are random; 50 samples."""
+    """Two of ten attitudes are random; 20 samples."""
     rng = np.random.default_rng(6)
     sensors = [cc.AttitudeSensor(xi=xi, noise=HALF_DEGREE) for xi in np.linspace(0.1, 1, 10)]
     exact = attitudes(loaded, sensors=sensors)
     predicted = np.linalg.inv(cc.information_matrix(WING, sensors, loaded))
     errors = {"squared": [], "huber": [], "cauchy": []}
-    for _ in range(50):
+    for _ in range(20):
         wrong = exact.copy()
         out = rng.choice(10, 2, replace=False)
         wrong[out] = exact[out] @ Rotation.from_rotvec(rng.normal(size=(2, 3))).as_matrix()
@@ -313,11 +313,11 @@ def test_robust_losses_cost_little_where_there_are_no_outliers(loss, loaded):
     rng, exact = np.random.default_rng(7), attitudes(loaded)
     covariance = np.linalg.inv(cc.information_matrix(WING, ATTITUDES, loaded))
     errors = []
-    for _ in range(150):
+    for _ in range(100):
         fit = cc.fit_shape(WING, ATTITUDES, noisy(exact, rng), loss=loss)
         errors.append(fit.q.full().ravel() - loaded)
-    efficiency = np.einsum("ij,jk,ik->", errors, np.linalg.inv(covariance), errors) / 900
-    # 5 % by design; 900 squares scatter by 5 %.
+    efficiency = np.einsum("ij,jk,ik->", errors, np.linalg.inv(covariance), errors) / 600
+    # 5 % by design; 600 squares scatter by 6 %.
     assert efficiency < 1.25
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import casadi as ca
@@ -173,19 +174,25 @@ def test_a_window_of_missing_samples_is_a_prediction():
 def residual_of(sensors, q, measured):
     """Residuals over noise, by poses and scipy's logarithm; missing samples left out."""
     rows, at = [], 0
-    for sensor in sensors:
+    positions, rotations = (m.full() for m in poses_of(tuple(s.xi for s in sensors))(q))
+    for k, sensor in enumerate(sensors):
         values = measured[at : at + len(sensor.components)]
         at += len(sensor.components)
-        pose = cc.pose_at(FREE, q, sensor.xi)
         if isinstance(sensor, cc.AttitudeSensor):
             if np.all(np.isfinite(values)):
                 R = values.reshape(3, 3).T
-                rotvec = Rotation.from_matrix(R.T @ pose.rotation.full()).as_rotvec()
+                rotvec = Rotation.from_matrix(R.T @ rotations[:, 3 * k : 3 * k + 3]).as_rotvec()
                 rows.append(rotvec / sensor.noise)
         else:
-            error = (pose.position.full().ravel() - values) / sensor.noise
+            error = (positions[:, k] - values) / sensor.noise
             rows.append(error[np.isfinite(values)])
     return np.concatenate([np.zeros(0), *rows])
+
+
+@cache
+def poses_of(stations):
+    """Positions and rotations of the wing without bounds, as a Function of its weights."""
+    return cc.pose_function("poses", FREE, stations)
 
 
 def dense(sensors, process, measured, mean, covariance, bounds=np.inf):
@@ -665,7 +672,9 @@ def test_the_step_compiles_and_agrees(tmp_path, real, process):
     reference = {"mhe": whole, "lossy": lossy}
     export_c(functions, tmp_path, real=real, reference_inputs=reference)
     # The certificate is right in C, too: the check compares the status of every call.
-    assert max(run_check(tmp_path).values()) <= (1e-9 if real == "double" else 1e-4)
+    assert max(run_check(tmp_path, optimization="-O0").values()) <= (
+        1e-9 if real == "double" else 1e-4
+    )
 
 
 # Arguments -------------------------------------------------------------------------------------

@@ -42,7 +42,7 @@ def _compiled(wing, f, folder):
     """(guess, position) -> status, q, distance, of the C of `f` in single precision."""
     samples = {f.name(): [[np.full(N, 0.01), cc.tip_function(wing)(np.full(N, 0.02))[0]]]}
     cc.export_c([f], folder, real="float", beam=wing, reference_inputs=samples)
-    command = "gcc -O2 -shared -fPIC curv.c curv_functions.c -o library.so -lm"
+    command = "gcc -O1 -shared -fPIC curv.c curv_functions.c -o library.so -lm"
     subprocess.run(command.split(), cwd=folder, check=True)
     library = ctypes.CDLL(str(folder / "library.so"))
 

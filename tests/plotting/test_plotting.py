@@ -1,13 +1,14 @@
 """Figures: what they show, with labels and units, and that files are written."""
 
 import re
+from collections import defaultdict
 from dataclasses import replace
 
 import casadi as ca
 import matplotlib.animation
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgba
+from mpl_toolkits.mplot3d import Axes3D
 from PIL import Image
 
 from curvcasadi import plotting
@@ -34,16 +35,19 @@ def lines(axes, label):
     ]
 
 
-def arrows(axes, label):
-    """(start, end) of each arrow, from root to tip, per half wing.
+@pytest.fixture
+def arrows(monkeypatch):
+    """What figures draw as arrows: (start, end) of each (k, 2, 3), and colour; by label."""
+    drawn, quiver = defaultdict(list), Axes3D.quiver
 
-    Of a quiver's segments the first third are the shafts, from end to start.
-    """
-    return [
-        np.array([segment[1::-1] for segment in artist._segments3d[: len(artist._segments3d) // 3]])
-        for artist in axes.collections
-        if str(artist.get_label()).lstrip("_") == label
-    ]
+    def record(axes, x, y, z, u, v, w, **options):
+        start, along = np.column_stack([x, y, z]), np.column_stack([u, v, w])
+        ends = np.stack([start, start + along], axis=1)
+        drawn[options["label"].lstrip("_")].append((ends, options["color"]))
+        return quiver(axes, x, y, z, u, v, w, **options)
+
+    monkeypatch.setattr(Axes3D, "quiver", record)
+    return drawn
 
 
 class TestBasis:
@@ -113,18 +117,16 @@ class TestShape:
         plotting.plot_shape(replace(WING, weight_bounds=bounds), BENT)
 
     @pytest.mark.parametrize(("column", "axis"), [*enumerate("xyz")])
-    def test_arrows_are_the_local_axes_in_red_green_and_blue(self, column, axis):
-        axes = plotting.plot_shape(WING, BENT, both=False).axes[0]
-        (found,) = arrows(axes, f"local {axis}")
+    def test_arrows_are_the_local_axes_in_red_green_and_blue(self, arrows, column, axis):
+        plotting.plot_shape(WING, BENT, both=False)
+        ((found, color),) = arrows[f"local {axis}"]
         start, end = found[-1]
         tip = shape_map(WING, BENT).tip
-        # Float64 throughout; quiver normalizes nothing here, rounding of 16 m remains.
+        # Rounding of 16 m.
         np.testing.assert_allclose(start, tip.position.full().ravel(), atol=1e-12)
         direction = (end - start) / np.linalg.norm(end - start)
         np.testing.assert_allclose(direction, tip.rotation.full()[:, column], atol=1e-12)
-        (artist,) = [a for a in axes.collections if a.get_label() == f"local {axis}"]
-        color = to_rgba(("tab:red", "tab:green", "tab:blue")[column])
-        np.testing.assert_allclose(artist.get_edgecolor()[0], color)
+        assert color == ("tab:red", "tab:green", "tab:blue")[column]
 
     def test_axes_have_units_equal_scales_and_a_legend(self):
         figure = plotting.plot_shape(WING, BENT)
@@ -133,7 +135,7 @@ class TestShape:
         texts = [text.get_text() for text in figure.legends[0].get_texts()]
         assert texts == ["undeformed", "deformed", "local x", "local y", "local z"]
         ranges = [abs(np.diff(getattr(axes, f"get_{k}lim")())[0]) for k in "xyz"]
-        scale = axes._box_aspect / ranges
+        scale = axes.get_box_aspect() / ranges
         np.testing.assert_allclose(scale, scale[0], rtol=1e-12)
 
     def test_body_axes_are_turned_half_a_turn_about_x(self):
@@ -161,8 +163,9 @@ class TestShape:
             low, high = sorted(getattr(axes, f"get_{name}lim")())
             assert low < points[:, k].min() and points[:, k].max() < high
 
-    def test_close_stations_share_an_arrow(self):
-        (found,) = arrows(plotting.plot_shape(WING, BENT, both=False).axes[0], "local x")
+    def test_close_stations_share_an_arrow(self, arrows):
+        plotting.plot_shape(WING, BENT, both=False)
+        ((found, _),) = arrows["local x"]
         assert len(found) < len(WING.stations)
         gaps = np.linalg.norm(np.diff(found[:, 0], axis=0), axis=1)
         # Chords are a little shorter than the arcs that they span.

@@ -50,6 +50,7 @@ from curvcasadi.aero import (
     StripAerodynamics,
     StripForces,
     Turbulence,
+    UnsteadyAirload,
     frozen_gust,
     kussner,
     mirror_aero,
@@ -120,6 +121,7 @@ from curvcasadi.control import (
     second_order_model,
     simulate,
     step_function,
+    wing_model,
 )
 from curvcasadi.dynamics import (
     VibrationModes,
@@ -305,6 +307,7 @@ __all__ = [
     "TipHeight",
     "TrimResult",
     "Turbulence",
+    "UnsteadyAirload",
     "VectorBasis",
     "VibrationModes",
     "WhiteAcceleration",
@@ -390,5 +393,6 @@ __all__ = [
     "trim_sweep",
     "trim_table",
     "vibration_modes",
+    "wing_model",
     "wing_root",
 ]

@@ -15,6 +15,7 @@ from curvcasadi.aero.induced import LiftingLine
 from curvcasadi.aero.lag_states import IndicialLag
 from curvcasadi.aero.outline import Planform, planform
 from curvcasadi.aero.strip import ControlSurface, ExponentialTipLoss, StripAerodynamics, mirror_aero
+from curvcasadi.aero.unsteady import UnsteadyAirload
 
 __all__ = [
     "AerodynamicLoad",
@@ -32,6 +33,7 @@ __all__ = [
     "StripAerodynamics",
     "StripForces",
     "Turbulence",
+    "UnsteadyAirload",
     "frozen_gust",
     "kussner",
     "mirror_aero",

@@ -149,28 +149,25 @@ class GustEntry:
 
     Attributes
     ----------
-    kind : "kussner", "lag" or "none"
-        Küssner's two states; one lag in front of the lag states of the circulation; or a gust that
-        is on the whole chord at once.
+    kind : "kussner" or "lag"
+        Küssner's two states, or one lag in front of the lag states of the circulation.
     modes : int or None
         Number of Legendre functions along the span that carry the states; None for a set per
         aerodynamic station.
     """
 
-    kind: Literal["kussner", "lag", "none"] = "kussner"
+    kind: Literal["kussner", "lag"] = "kussner"
     modes: int | None = 3
 
     def __post_init__(self) -> None:
-        choice("GustEntry.kind", self.kind, ("kussner", "lag", "none"))
+        choice("GustEntry.kind", self.kind, ("kussner", "lag"))
         if self.modes is not None:
             count("GustEntry.modes", self.modes)
 
     @property
     def poles(self) -> Poles:
-        """Amplitudes and rates of the entry states; none where the gust is there at once."""
-        none = Poles(np.zeros(0), np.zeros(0))
-        lag = Poles(np.ones(1), np.array([ENTRY_RATE]))
-        return {"kussner": KUSSNER, "lag": lag, "none": none}[self.kind]
+        """Amplitudes and rates of the entry states."""
+        return KUSSNER if self.kind == "kussner" else Poles(np.ones(1), np.array([ENTRY_RATE]))
 
 
 def kussner(s: ArrayLike) -> Array:

@@ -8,6 +8,7 @@ circulations come back to the stations. The line needs no stations of its own.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
@@ -256,3 +257,27 @@ def _wash(key: _Key) -> ca.Function:
     geometry = (parts.corners, parts.direction, parts.plane)
     velocity = induced.wake_velocity(count, image)(point, *geometry, strengths)
     return ca.Function("wash", [parts.poses, parts.data, point], [velocity], {"cse": True})
+
+
+def frozen_map(line: LiftingLine, beam: Beam, strips: StripAerodynamics) -> AnyExpr:
+    """u_e of the aerodynamic stations from their u, (S, S), with the influence of the unbent wing.
+
+    Parameters
+    ----------
+    line : LiftingLine
+        Number of panels and images.
+    beam, strips
+        The wing and its airfoil data; deflections count with the u of the stations.
+    """
+    still = {"velocity": ca.DM.zeros(3), "rate": ca.DM.zeros(3)}
+    stations = np.array([station.xi for station in air_stations(strips)])
+    frozen = replace(line, frozen=True)
+    found = line_on_wing(frozen, beam, strips, {}, **still, wanted=stations.tolist())
+    n, panels = line.panels, induced.panels_of(line)
+    matrix = ca.reshape(found.data[-(n * n + 3 * (n + 1) + 3) : -(3 * (n + 1) + 3)], n, n)
+    shapes = induced.circulation_shapes(line, stations)
+    back = shapes @ np.linalg.inv(induced.circulation_shapes(line, panels.points))
+    data = [section_data(strips, x, {}, density=1.0, measure=1.0) for x in stations]
+    scales = ca.vertcat(*(strip.chord * strip.slope / 2 for strip in data))
+    to_points = ca.DM(induced.span_maps(line, stations).fitted)
+    return (ca.DM(back) @ matrix @ to_points) / ca.repmat(scales, 1, len(stations))

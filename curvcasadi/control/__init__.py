@@ -8,6 +8,7 @@ from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
 from curvcasadi.control.simulation import Simulation, simulate
 from curvcasadi.control.step import rk4_step, step_function
+from curvcasadi.control.wing_model import wing_model
 
 __all__ = [
     "ControlModel",
@@ -23,4 +24,5 @@ __all__ = [
     "second_order_model",
     "simulate",
     "step_function",
+    "wing_model",
 ]

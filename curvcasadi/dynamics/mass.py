@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -26,7 +27,7 @@ from curvcasadi.lie import so3
 from curvcasadi.symbolic.expressions import AnyExpr, is_numeric
 
 
-def mass_matrix(beam: Beam, q: AnyExpr) -> AnyExpr:
+def mass_matrix(beam: Beam, q: AnyExpr, loads: Sequence[Any] = ()) -> AnyExpr:
     """Mass matrix M(q) = Σ_k J_kᵀ I_k J_k over the stations, J_k their body Jacobians.
 
     Parameters
@@ -35,6 +36,10 @@ def mass_matrix(beam: Beam, q: AnyExpr) -> AnyExpr:
         With mass.
     q : SX, MX, DM or array, shape (n, 1)
         Weights, rad/m.
+
+    loads : sequence of loads
+        What `inverse_dynamics` is taken with: their stations divide the elements, on which the
+        inertia is integrated. The loads themselves add nothing.
 
     Returns
     -------
@@ -47,7 +52,7 @@ def mass_matrix(beam: Beam, q: AnyExpr) -> AnyExpr:
         As `inverse_dynamics`.
     """
     states = system.weights(beam, q=q)
-    built = system.build(beam, (), None, states)
+    built = system.build(beam, tuple(loads), None, states)
     return unpack_symmetric(packed_mass_matrix(built, states["q"]), beam.basis.n)
 
 

@@ -1,0 +1,263 @@
+"""A clamped wing in a stream as a control model: flutter, gusts, load alleviation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+
+from curvcasadi.aero.airload import Flow
+from curvcasadi.aero.gust import GustEntry
+from curvcasadi.aero.induced import LiftingLine
+from curvcasadi.aero.lag_states import IndicialLag
+from curvcasadi.aero.unsteady import (
+    UnsteadyAirload,
+    apparent_mass_matrix,
+    state_parts,
+    state_rates,
+)
+from curvcasadi.aircraft.parts import Wing
+from curvcasadi.beam.pose import Pose
+from curvcasadi.control.beam_model import CURVATURE_STATIONS
+from curvcasadi.control.model import ControlModel, SecondOrder
+from curvcasadi.control.second_order import second_order_model
+from curvcasadi.dynamics import inverse_dynamics_function, mass_matrix
+from curvcasadi.dynamics.inertia import inertial_mesh
+from curvcasadi.kinematics.pose_function import tip_function
+from curvcasadi.kinematics.root_motion import RootMotion
+from curvcasadi.kinematics.shape import curvature
+from curvcasadi.statics.energy import stiffness_matrix
+from curvcasadi.symbolic.derivatives import with_jacobian
+from curvcasadi.symbolic.expressions import (
+    Array,
+    Number,
+    function_name,
+    instance,
+    numbers,
+    positive,
+    station,
+)
+from curvcasadi.symbolic.functions import free_symbols
+from curvcasadi.symbolic.layout import Layout, Part
+
+#: Standard gravity, m/s².
+STANDARD_GRAVITY = 9.80665
+
+
+def wing_model(
+    wing: Wing,
+    *,
+    density: float,
+    gravity: float = STANDARD_GRAVITY,
+    lag: IndicialLag | None = IndicialLag(poles=3, modes=3),  # noqa: B008 (frozen)
+    induced_flow: LiftingLine | None = None,
+    damping: Number = 0.0,
+    gust: GustEntry | None = None,
+    curvature_stations: Sequence[float] = CURVATURE_STATIONS,
+    name: str = "wing",
+) -> ControlModel:
+    """A wing whose root is clamped to a body that flies straight and level.
+
+    The body flies north at p["airspeed"], m/s, nose-up by p["pitch"], rad; gravity and dead loads
+    turn under it. The state is q, rad/m, q_dot, and the states of the air, m/s (`UnsteadyAirload`).
+    Inputs are the deflections of the control surfaces, rad. The outputs are position (3), m, and
+    rotation (9, by columns) of the tip, local to body, curvature (K_x, K_y, K_z at each of
+    `curvature_stations`), rad/m.
+
+    Parameters
+    ----------
+    wing : Wing
+        With stiffness and mass.
+    density : float
+        Of the air, kg/m³.
+    gravity : float
+        Acceleration of gravity, m/s².
+    lag : IndicialLag or None
+        Lag of the circulation; None for circulation that follows at once.
+    induced_flow : LiftingLine or None
+        A frozen lifting line, or none.
+    damping : float
+        The time β, s, of stiffness-proportional damping C = β S.
+    gust : GustEntry or None
+        With one p["gust"] is an upward gust, m/s, which enters the strips as it says.
+    curvature_stations : sequence of float
+        Stations s/L in [0, 1].
+    name : str
+        Name of the model and of its Functions.
+
+    Returns
+    -------
+    ControlModel
+        With its equations of motion in `second_order`; their derivatives are structured.
+
+    Raises
+    ------
+    ValueError
+        For symbols in the wing, a density of zero with lag states, and lag functions that the
+        aerodynamic stations do not resolve.
+    """
+    instance("wing", wing, Wing)
+    function_name("name", name)
+    if positive("density", density, zero=True) == 0 and lag is not None:
+        raise ValueError("density: expected a number above zero with lag states, found 0")
+    beam, n = wing.beam, wing.beam.basis.n
+    inputs = {key: ca.MX.sym(key) for key in wing.strips.inputs}
+    airspeed, pitch, upward = ca.MX.sym("airspeed"), ca.MX.sym("pitch"), ca.MX.sym("gust")
+    parameters = {"airspeed": airspeed, "pitch": pitch}
+    if gust is not None:
+        parameters["gust"] = upward
+    c, s = ca.cos(pitch), ca.sin(pitch)
+    attitude = ca.vertcat(ca.horzcat(c, 0, s), ca.horzcat(0, 1, 0), ca.horzcat(-s, 0, c))
+
+    def load_of(states: Any) -> UnsteadyAirload:
+        return UnsteadyAirload(
+            strips=wing.strips,
+            flow=Flow(density=density, velocity=airspeed * ca.vertcat(c, 0, s)),
+            lag=lag,
+            states=states,
+            deflections=inputs,
+            gust=ca.vertcat(0, 0, -upward) if gust is not None else ca.DM.zeros(3),
+            entry=gust,
+            induced_flow=induced_flow,
+        )
+
+    size = state_parts(wing.strips, lag, gust).size
+    states = ca.MX.sym("lag", size)
+    load = load_of(states)
+    symbols = {**({"lag": states} if size else {}), **inputs, **parameters}
+    root = RootMotion(
+        pose=Pose(rotation=attitude, position=ca.DM.zeros(3)), gravity=[0, 0, gravity]
+    )
+    loads = [load, *wing.loads]
+    forces = inverse_dynamics_function(beam, loads, symbols, root=root, name=f"{name}_forces")
+    boundaries = inertial_mesh(beam, loads).stations
+    rates = (
+        _rates_function(f"{name}_lag_rates", wing, load, attitude, boundaries, symbols)
+        if size
+        else None
+    )
+
+    x = Layout(
+        (
+            Part("q", n, "rad/m", *beam.bounds),
+            Part("q_dot", n, "rad/(m s)"),
+            *((Part("lag", size, "m/s"),) if size else ()),
+        )
+    )
+    u = Layout(tuple(Part(key, 1, "rad") for key in inputs))
+    p = Layout(tuple(Part(key, 1, _UNITS[key]) for key in parameters))
+    beta = float(numbers("damping", damping))
+    motion = _equations(name, wing, forces, rates, load, (x, u, p), beta)
+    stations = [station("curvature_stations", xi) for xi in curvature_stations]
+    y = Layout(
+        (
+            Part("position", 3, "m"),
+            Part("rotation", 9, "1"),
+            Part("curvature", 3 * len(stations), "rad/m"),
+        )
+    )
+    return second_order_model(
+        name=name,
+        x=x,
+        u=u,
+        p=p,
+        y=y,
+        motion=motion,
+        output=_output_function(f"{name}_output", wing, (x, u, p), y, stations),
+        real=beam.grid.real,
+    )
+
+
+_UNITS = {"airspeed": "m/s", "pitch": "rad", "gust": "m/s"}
+
+
+def _equations(
+    name: str,
+    wing: Wing,
+    forces: ca.Function,
+    rates: ca.Function | None,
+    load: UnsteadyAirload,
+    layouts: tuple[Layout, Layout, Layout],
+    damping: float,
+) -> SecondOrder:
+    """The equations of motion from the Functions of forces and of the rates of lag states."""
+    if damping < 0:
+        raise ValueError(f"damping: expected a time of at least zero, s, found {damping}")
+    x_layout, u_layout, p_layout = layouts
+    beam, n = wing.beam, wing.beam.basis.n
+    stiffness = ca.MX(ca.densify(stiffness_matrix(beam)))
+    x, a = ca.MX.sym("x", x_layout.size), ca.MX.sym("acceleration", n)
+    u, p = ca.MX.sym("u", u_layout.size), ca.MX.sym("p", p_layout.size)
+    state = x_layout.split(x)
+    others = [state["lag"]] if "lag" in state else []
+    others += [*u_layout.split(u).values(), *p_layout.split(p).values()]
+    balance = forces(state["q"], state["q_dot"], a, *others)
+    balance += damping * (stiffness @ state["q_dot"])
+    loads = [load, *wing.loads]
+    mass = mass_matrix(beam, state["q"], loads) + apparent_mass_matrix(
+        beam, state["q"], load, inertial_mesh(beam, loads).stations
+    )
+    changes = ca.MX(0, 1) if rates is None else rates(state["q"], state["q_dot"], *others)
+    return SecondOrder(
+        configuration=1,
+        velocities=n,
+        kinematics=ca.Function(f"{name}_kinematics", [x], [state["q_dot"]], ["x"], ["rate"]),
+        balance=ca.Function(
+            f"{name}_balance",
+            [x, a, u, p],
+            [balance, changes],
+            ["x", "acceleration", "u", "p"],
+            ["balance", "other_rates"],
+        ),
+        matrices=ca.Function(
+            f"{name}_matrices",
+            [x, p],
+            [mass, damping * stiffness, stiffness],
+            ["x", "p"],
+            ["mass", "damping", "stiffness"],
+        ),
+    )
+
+
+def _output_function(
+    name: str,
+    wing: Wing,
+    layouts: tuple[Layout, Layout, Layout],
+    y: Layout,
+    stations: Sequence[float],
+) -> ca.Function:
+    x, u, p = (
+        ca.MX.sym(key, layout.size) for key, layout in zip(("x", "u", "p"), layouts, strict=True)
+    )
+    q = layouts[0].split(x)["q"]
+    position, rotation = tip_function(wing.beam)(q)
+    values = {
+        "position": position,
+        "rotation": ca.vec(rotation),
+        "curvature": ca.veccat(*(curvature(wing.beam, q, xi) for xi in stations)),
+    }
+    return ca.Function(name, [x, u, p], [y.join(values)], ["x", "u", "p"], ["y"])
+
+
+def _rates_function(
+    name: str,
+    wing: Wing,
+    load: UnsteadyAirload,
+    attitude: ca.MX,
+    boundaries: Array,
+    symbols: dict[str, ca.MX],
+) -> ca.Function:
+    """q, q_dot, states, inputs, parameters -> rates of the states, with structured derivatives."""
+    n = wing.beam.basis.n
+    q, q_dot = ca.MX.sym("q", n), ca.MX.sym("q_dot", n)
+    stacked = ca.veccat(*symbols.values())
+    value = state_rates(wing.beam, q, q_dot, load, attitude.T, boundaries).value
+    missing = free_symbols(value, [q, q_dot, stacked])
+    if missing:
+        raise ValueError(f"wing: expected numbers, found the symbols {', '.join(missing)}")
+    found = state_rates(wing.beam, q, q_dot, load, attitude.T, boundaries, stacked)
+    slopes = ca.horzcat(found.by_weights, found.by_rates, found.by_parameters)
+    return with_jacobian(
+        name, {"q": q, "q_dot": q_dot, **symbols}, {"rates": value}, {"rates": slopes}
+    )

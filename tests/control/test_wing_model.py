@@ -1,0 +1,201 @@
+"""A wing in a stream: its derivatives, its mirror image, gusts, still air, what it refuses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import curvcasadi as cc
+from tests.support.strip_wings import hale
+
+FLAPS = (
+    cc.ControlSurface(name="inner", lift=3.5, moment=-0.6, start=0.2, end=0.6),
+    cc.ControlSurface(name="outer", lift=3.5, moment=-0.6, start=0.6, end=0.95),
+)
+DENSITY = 0.0889
+
+
+def flapped(weights=(2, 2, 1), elements=3):
+    wing = hale(weights, elements)
+    return replace(wing, strips=replace(wing.strips, controls=FLAPS, profile_drag=0.01))
+
+
+def make(wing=None, **changes):
+    fields = {"density": DENSITY, "lag": cc.IndicialLag(poles=2, modes=2)}
+    return cc.wing_model(wing or flapped(), **{**fields, **changes})
+
+
+@pytest.fixture(scope="module")
+def model():
+    return make(gust=cc.GustEntry(kind="kussner", modes=1))
+
+
+def values(model, seed=1):
+    rng = np.random.default_rng(seed)
+    n = model.second_order.velocities
+    scale = np.concatenate([np.full(n, 0.02), np.full(n, 0.05), np.ones(model.x.size - 2 * n)])
+    x = scale * rng.standard_normal(model.x.size)
+    return x, 0.1 * rng.standard_normal(n), np.array([0.05, -0.1]), np.array([22.0, 0.06, 1.3])
+
+
+def test_structured_derivatives_are_those_of_the_equations(model):
+    # Central differences of the values: no derivative is shared.
+    motion, at = model.second_order.balance, values(model)
+    symbols = [ca.MX.sym(motion.name_in(i), *motion.size_in(i)) for i in range(4)]
+    stacked = ca.vertcat(*symbols)
+    slopes = ca.Function(
+        "slopes", symbols, [ca.jacobian(ca.vertcat(*motion(*symbols)), ca.vertcat(*symbols))]
+    )
+    got = slopes(*at).full()
+    joined = np.concatenate(at)
+    ends = np.cumsum([len(part) for part in at])[:-1]
+
+    def value(y):
+        return np.concatenate([part.full().ravel() for part in motion(*np.split(y, ends))])
+
+    for column in range(stacked.numel()):
+        step = np.zeros(len(joined))
+        step[column] = 1e-5 * max(1.0, abs(joined[column]))
+        expected = (value(joined + step) - value(joined - step)) / (2 * step[column])
+        # The square of the step, and rounding of the values over it.
+        assert_allclose(
+            got[:, column], expected, rtol=2e-6, atol=2e-7 * np.abs(value(joined)).max()
+        )
+
+
+def test_derivatives_go_through_no_chain(model):
+    motion = model.second_order.balance
+    symbols = [ca.MX.sym(motion.name_in(i), *motion.size_in(i)) for i in range(4)]
+    slope = ca.jacobian(ca.vertcat(*motion(*symbols)), symbols[0])
+    names = {f.name() for f in ca.Function("f", symbols, [slope]).find_functions()}
+    assert {"jac_wing_forces", "jac_wing_lag_rates"} <= names
+    # What is differentiated by CasADi is the Function around these two.
+    assert {name for name in names if name.startswith(("fwd", "adj"))} <= {"fwd16_wing_balance"}
+
+
+def test_mass_is_the_derivative_by_the_accelerations(model):
+    # The apparent mass of the air is in it; the equations are linear in the accelerations.
+    x, a, u, p = values(model)
+    motion = model.second_order
+    mass = motion.matrices(x, p)[0].full()
+    at = [motion.balance(x, a + d, u, p)[0].full().ravel() for d in [0 * a, *np.eye(len(a))]]
+    assert_allclose(np.transpose(at[1:] - at[0]), mass, atol=1e-9 * np.abs(mass).max())
+    wing = flapped()
+    air = cc.AerodynamicLoad(strips=wing.strips, flow=cc.Flow(density=DENSITY))
+    vacuum = cc.mass_matrix(wing.beam, x[: len(a)], [air]).full()  # on the same stations
+    assert np.linalg.eigvalsh(mass - vacuum)[0] > -1e-9 * np.abs(mass).max()
+    assert np.linalg.norm(mass - vacuum) > 0.01 * np.linalg.norm(vacuum)
+
+
+def test_at_rest_in_steady_flow_the_balance_is_that_of_statics(model):
+    # x_i = u is the steady state of the lag states: then the airloads are those of statics.
+    q = 0.02 * np.random.default_rng(3).standard_normal(5)
+    speed, pitch, angles = 25.0, 0.05, {"inner": 0.04, "outer": -0.03}
+    wing = flapped()
+    lag = make(wing, lag=cc.IndicialLag(poles=2, modes=None))
+    n = 5
+    x = np.zeros(lag.x.size)
+    x[:n] = q
+    u, p = [angles["inner"], angles["outer"]], [speed, pitch]
+    # The rates are linear in the lag states: −b W/b each.
+    motion = lag.second_order.balance
+    symbol = ca.MX.sym("x", lag.x.size)
+    rates = motion(symbol, np.zeros(n), u, p)[1]
+    f = ca.Function("f", [symbol], [rates, ca.jacobian(rates, symbol)])
+    rate, slope = (m.full() for m in f(x))
+    x[2 * n :] = -np.linalg.solve(slope[:, 2 * n :], rate).ravel()
+    balance, rate = motion(x, np.zeros(n), u, p)
+    assert_allclose(rate.full(), 0, atol=1e-9)
+    flow = cc.Flow(density=DENSITY, velocity=[speed * np.cos(pitch), 0, speed * np.sin(pitch)])
+    air = cc.AerodynamicLoad(strips=wing.strips, flow=flow, deflections=angles)
+    c, s = np.cos(pitch), np.sin(pitch)
+    loads = [air, cc.Gravity([0, 0, 9.80665])]
+    expected = cc.equilibrium_residual(wing.beam, q, loads, [[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    assert_allclose(balance, expected, atol=1e-9 * np.abs(expected.full()).max())
+
+
+def test_mirrored_wing_has_the_same_equations():
+    wing = flapped()
+    one, other = make(wing), make(cc.mirror_wing(wing, "left"))
+    x, a, u, p = values(one)
+    for got, expected in zip(
+        other.second_order.balance(x, a, u, p[:2]),
+        one.second_order.balance(x, a, u, p[:2]),
+        strict=True,
+    ):
+        assert_allclose(got, expected, atol=1e-11 * np.abs(expected.full()).max())
+    eigenvalues = [cc.linearize(m, x, u, p[:2]).eigenvalues for m in (one, other)]
+    # Eigenvalues of a matrix that differs by rounding.
+    assert_allclose(*eigenvalues, rtol=1e-9)
+
+
+def test_still_air_leaves_a_wing_with_apparent_mass(model):
+    x, a, u, _ = values(model)
+    x[10:] = 0
+    motion = model.second_order.balance
+    symbol = ca.MX.sym("x", model.x.size)
+    results = motion(symbol, a, u, [0.0, 0.0, 0.0])
+    f = ca.Function("f", [symbol], [ca.jacobian(ca.vertcat(*results), symbol)])
+    for state in (np.zeros(model.x.size), x):
+        assert np.all(np.isfinite(f(state).full()))
+
+
+def test_an_upward_gust_bends_the_wing_up_and_ends_in_its_steady_shape(model):
+    wing = flapped()
+    gusty = make(wing, gravity=0.0, damping=0.05, gust=cc.GustEntry(kind="kussner", modes=2))
+    settled = cc.simulate(
+        gusty,
+        np.zeros(gusty.x.size),
+        np.linspace(0, 6, 7),
+        p={"airspeed": 15.0, "pitch": 0.0, "gust": 0.3},
+        method="implicit_midpoint",
+        dt=0.05,
+    )
+    tip = gusty.output(settled.x[:, -1], np.zeros(2), [15.0, 0.0, 0.3])[:3]
+    flow = cc.Flow(density=DENSITY, velocity=[15.0, 0, 0.3])
+    air = cc.AerodynamicLoad(strips=wing.strips, flow=flow)
+    expected = cc.solve_equilibrium(wing.beam, [air]).shape.tip.position
+    assert float(tip[2]) < -0.01  # z is down
+    # The slowest lag state has decayed to 2 %; a fiftieth of the gust is left in the lift.
+    assert_allclose(float(tip[2]), float(expected[2]), rtol=0.03)
+
+
+def test_frozen_induced_flow_lowers_the_lift():
+    wing = hale((2, 2, 1), 3)
+    plain = make(wing, lag=cc.IndicialLag(poles=2, modes=None))
+    line = cc.LiftingLine(panels=4, frozen=True)
+    induced = make(wing, lag=cc.IndicialLag(poles=2, modes=None), induced_flow=line)
+    x = np.zeros(plain.x.size)
+    x[10:] = np.tile(20 * 0.05 * np.ones(6), 2)  # u of all strips, followed by all poles
+    p = [20.0, 0.05]
+    lifts = [
+        m.second_order.balance(x, np.zeros(5), [], p)[0].full().ravel() for m in (plain, induced)
+    ]
+    flow = cc.Flow(density=DENSITY, velocity=[20 * np.cos(0.05), 0, 20 * np.sin(0.05)])
+    for residual, of in zip(lifts, (None, line), strict=True):
+        air = cc.AerodynamicLoad(strips=wing.strips, flow=flow, induced_flow=of)
+        c, s = np.cos(0.05), np.sin(0.05)
+        attitude = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
+        loads = [air, cc.Gravity([0, 0, 9.80665])]
+        expected = cc.equilibrium_residual(wing.beam, np.zeros(5), loads, attitude)
+        assert_allclose(residual, expected.full().ravel(), atol=2e-3 * np.abs(lifts[0]).max())
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"density": 0.0}, "density"),
+        ({"density": -1.0}, "density"),
+        ({"lag": cc.IndicialLag(poles=2, modes=9)}, "IndicialLag.modes"),
+        ({"induced_flow": cc.LiftingLine(panels=4)}, "UnsteadyAirload.induced_flow"),
+        ({"damping": -1.0}, "damping"),
+        ({"name": "2 wings"}, "name"),
+    ],
+)
+def test_bad_input_is_named(changes, message):
+    with pytest.raises(ValueError, match=message):
+        make(**changes)

@@ -1,0 +1,98 @@
+"""Published wings in unsteady strip flow: those of cases D09 and D12, and their flutter speeds."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import casadi as ca
+import numpy as np
+from scipy.optimize import brentq
+
+import curvcasadi as cc
+from curvcasadi.reference_wings import RIGHT_WING_ROOT
+
+
+def strip_wing(beam, chord, ahead, **fields):
+    """A wing of thin airfoils whose aerodynamic centre lies `ahead` m of the reference curve."""
+    strips = cc.StripAerodynamics(
+        chord=chord, aerodynamic_center=ahead, lift_slope=2 * np.pi, **fields
+    )
+    return cc.Wing(name="wing", beam=beam, strips=strips)
+
+
+def hale(weights=(4, 4, 0), elements=8):
+    """The HALE wing of D09: reference curve and centre of mass at half chord."""
+    section = cc.Section(
+        GJ=1e4,
+        EI_y=2e4,
+        EI_z=4e6,
+        mass_per_length=0.75,
+        inertia=np.diag([0.1, 5e-4, 0.0995]),
+    )
+    return strip_wing(_beam(16.0, section, weights, elements), 1.0, 0.25)
+
+
+def goland(weights=(5, 5, 0), elements=8):
+    """The Goland wing of D12 with SHARPy's properties: elastic axis at 33 % of the chord."""
+    chord, mass = 1.8288, 35.71
+    behind = 0.1 * chord
+    # Its inertia is about the elastic axis; the exact rows have no rotary inertia of bending.
+    section = cc.Section(
+        GJ=987581.0,
+        EI_y=9772210.0,
+        EI_z=977221000.0,
+        mass_per_length=mass,
+        inertia=np.diag([8.64 - mass * behind**2, 1e-9, 8.64]),
+        center_of_mass=[0, -behind, 0],
+    )
+    return strip_wing(_beam(6.096, section, weights, elements), chord, 0.08 * chord)
+
+
+def _beam(length, section, weights, elements):
+    names = ("torsion", "out_of_plane", "in_plane")
+    return cc.Beam(
+        length=length,
+        basis=cc.ChannelBasis(
+            **{k: cc.Legendre(n) for k, n in zip(names, weights, strict=True) if n}
+        ),
+        grid=cc.Grid.lobatto(elements),
+        section=section,
+        root=cc.Pose(rotation=RIGHT_WING_ROOT.rotation, position=[0, 0, 0]),
+    )
+
+
+@cache
+def state_matrix(model):
+    """(airspeed) -> A of a model about the straight wing in level flow."""
+    x, speed = ca.MX.sym("x", model.x.size), ca.MX.sym("airspeed")
+    p = ca.vertcat(speed, ca.MX.zeros(model.p.size - 1))
+    slope = ca.jacobian(model.xdot(x, ca.MX.zeros(model.u.size), p), x)
+    straight = ca.MX.zeros(model.x.size)
+    return ca.Function("A", [speed], ca.substitute([ca.densify(slope)], [x], [straight]))
+
+
+def eigenvalues(model, speed):
+    """Eigenvalues of a model about the straight wing in level flow at an airspeed."""
+    return np.linalg.eigvals(state_matrix(model)(speed).full())
+
+
+def flutter(model, low, high):
+    """Speed between two at which an oscillation of the straight wing neither grows nor decays."""
+
+    def least_damped(speed):
+        values = eigenvalues(model, speed)
+        values = values[values.imag > 1.0]
+        return values[np.argmax(values.real)]
+
+    speed = brentq(lambda v: least_damped(v).real, low, high, xtol=1e-4)
+    return speed, least_damped(speed).imag
+
+
+def divergence(model, low, high):
+    """Speed between two at which the linear model of the straight wing has an eigenvalue zero."""
+
+    def determinant(speed):
+        values = eigenvalues(model, speed)
+        return np.real(np.prod(values / np.abs(eigenvalues(model, low)).max()))
+
+    return brentq(determinant, low, high, xtol=1e-5)

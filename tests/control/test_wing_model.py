@@ -150,10 +150,10 @@ def test_an_upward_gust_bends_the_wing_up_and_ends_in_its_steady_shape(model):
     settled = cc.simulate(
         gusty,
         np.zeros(gusty.x.size),
-        np.linspace(0, 6, 7),
+        np.linspace(0, 4, 5),
         p={"airspeed": 15.0, "pitch": 0.0, "gust": 0.3},
         method="implicit_midpoint",
-        dt=0.05,
+        dt=0.02,
     )
     tip = gusty.output(settled.x[:, -1], np.zeros(2), [15.0, 0.0, 0.3])[:3]
     flow = cc.Flow(density=DENSITY, velocity=[15.0, 0, 0.3])

@@ -36,7 +36,6 @@ def mass_matrix(beam: Beam, q: AnyExpr, loads: Sequence[Any] = ()) -> AnyExpr:
         With mass.
     q : SX, MX, DM or array, shape (n, 1)
         Weights, rad/m.
-
     loads : sequence of loads
         What `inverse_dynamics` is taken with: their stations divide the elements, on which the
         inertia is integrated. The loads themselves add nothing.

@@ -160,8 +160,8 @@ def test_an_upward_gust_bends_the_wing_up_and_ends_in_its_steady_shape(model):
     air = cc.AerodynamicLoad(strips=wing.strips, flow=flow)
     expected = cc.solve_equilibrium(wing.beam, [air]).shape.tip.position
     assert float(tip[2]) < -0.01  # z is down
-    # The slowest lag state has decayed to 2 %; a fiftieth of the gust is left in the lift.
-    assert_allclose(float(tip[2]), float(expected[2]), rtol=0.03)
+    # The slowest root, of lag and flap together, is −0.7 1/s: 6 % of the way are left.
+    assert_allclose(float(tip[2]), float(expected[2]), rtol=0.1)
 
 
 def test_frozen_induced_flow_lowers_the_lift():

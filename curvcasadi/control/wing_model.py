@@ -98,11 +98,14 @@ def wing_model(
         aerodynamic stations do not resolve.
     """
     instance("wing", wing, Wing)
+    strips = wing.strips
+    if strips is None:
+        raise ValueError("Wing.strips: expected airfoil data, found None; use beam_model")
     function_name("name", name)
     if positive("density", density, zero=True) == 0 and lag is not None:
         raise ValueError("density: expected a number above zero with lag states, found 0")
     beam, n = wing.beam, wing.beam.basis.n
-    inputs = {key: ca.MX.sym(key) for key in wing.strips.inputs}
+    inputs = {key: ca.MX.sym(key) for key in strips.inputs}
     airspeed, pitch, upward = ca.MX.sym("airspeed"), ca.MX.sym("pitch"), ca.MX.sym("gust")
     parameters = {"airspeed": airspeed, "pitch": pitch}
     if gust is not None:
@@ -112,7 +115,7 @@ def wing_model(
 
     def load_of(states: Any) -> UnsteadyAirload:
         return UnsteadyAirload(
-            strips=wing.strips,
+            strips=strips,
             flow=Flow(density=density, velocity=airspeed * ca.vertcat(c, 0, s)),
             lag=lag,
             states=states,
@@ -122,7 +125,7 @@ def wing_model(
             induced_flow=induced_flow,
         )
 
-    size = state_parts(wing.strips, lag, gust).size
+    size = state_parts(strips, lag, gust).size
     states = ca.MX.sym("lag", size)
     load = load_of(states)
     symbols = {**({"lag": states} if size else {}), **inputs, **parameters}

@@ -76,6 +76,7 @@ def planform(beam: Beam, strips: StripAerodynamics, stations: int = 41) -> Planf
     Returns
     -------
     Planform
+        Outline, area, span and chords.
 
     Raises
     ------

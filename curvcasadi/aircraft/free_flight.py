@@ -37,10 +37,18 @@ STANDARD_GRAVITY = 9.80665
 
 
 class FlightMomenta(NamedTuple):
-    """Momenta of an aircraft, and the derivative of its kinetic energy by the weights."""
+    """Momenta of an aircraft, and the derivative of its kinetic energy by the weights.
 
-    velocities: AnyExpr  #: derivative of the kinetic energy by the velocities, (6 + n, 1)
-    by_shape: AnyExpr  #: its derivative by q at fixed velocities, (n, 1)
+    Attributes
+    ----------
+    velocities : SX, MX or DM, shape (6 + n, 1)
+        Derivative of the kinetic energy by the velocities.
+    by_shape : SX, MX or DM, shape (n, 1)
+        Its derivative by q at fixed velocities.
+    """
+
+    velocities: AnyExpr
+    by_shape: AnyExpr
 
 
 def free_inverse_dynamics(
@@ -180,14 +188,36 @@ def free_momenta(aircraft: Aircraft, q: AnyExpr, velocity: AnyExpr) -> FlightMom
 
 
 def free_kinetic_energy(aircraft: Aircraft, q: AnyExpr, velocity: AnyExpr) -> AnyExpr:
-    """Kinetic energy (1, 1), J, of free flight; arguments of `free_momenta`."""
+    """Kinetic energy of free flight.
+
+    Parameters
+    ----------
+    aircraft, q, velocity
+        As for `free_momenta`.
+
+    Returns
+    -------
+    SX, MX or DM, shape (1, 1)
+        Kinetic energy, J.
+    """
     size = 6 + weights_of(aircraft)
     velocity = expression("velocity", velocity, (size, 1))
     return ca.dot(velocity, free_momenta(aircraft, q, velocity).velocities) / 2
 
 
 def free_strain_energy(aircraft: Aircraft, q: AnyExpr) -> AnyExpr:
-    """Strain energy (1, 1), J, of all wings with their weights (n, 1) in order."""
+    """Strain energy of all wings.
+
+    Parameters
+    ----------
+    aircraft, q
+        As for `free_momenta`.
+
+    Returns
+    -------
+    SX, MX or DM, shape (1, 1)
+        Strain energy, J.
+    """
     q = expression("q", q, (weights_of(aircraft), 1))
     parts = ca.vertsplit(q, offsets_of(aircraft))
     return sum(strain_energy(w.beam, part) for w, part in zip(aircraft.beams, parts, strict=True))

@@ -65,6 +65,7 @@ def wing_root(
     Returns
     -------
     Pose
+        Of the root, in body axes.
 
     Raises
     ------

@@ -84,6 +84,8 @@ def tip_path_step_function(
         another of CasADi's QP solvers, such as "qpoases", for Python alone.
     settings : SqpSettings, optional
         iterations, max_iter and qp_solver in one object, in place of these.
+    name : str
+        Name of the Function, also in generated C.
 
     Returns
     -------

@@ -34,6 +34,16 @@ def sensor_channels(sensors: Sequence[Sensor]) -> Channels:
     """The rows of the measurements of `sensors`, in their order.
 
     A sensor without a name is called by its kind and its place among its kind: "gyro_1".
+
+    Parameters
+    ----------
+    sensors : sequence of Sensor
+        Sensors on a wing.
+
+    Returns
+    -------
+    Channels
+        Names and units of readings and residuals.
     """
     sensors = checked_sensors(sensors)
     names = _names(sensors)

@@ -126,7 +126,27 @@ class _Sampled(Sensor):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RateGyro(_Sampled):
-    """Angular rate (3,), rad/s, sensor axes: Omega of Eq. 1 and the root's rate."""
+    """Rate gyro of three axes.
+
+    It reads the angular rate, rad/s, sensor axes: Omega of Eq. 1 and the root's rate.
+
+    Attributes
+    ----------
+    xi : float
+        Station s/L in [0, 1].
+    name : str or None
+        Name of the sensor; its kind and number where None.
+    noise_density : float or array, shape (3,)
+        Density of the white noise, rad/(s √Hz), of all axes or each.
+    rate : float
+        Samples per second, Hz.
+    offset : array or symbol, shape (3,)
+        Its place from the reference curve, m, local axes.
+    mounting : array or symbol, shape (3, 3)
+        Rotation from sensor to local axes.
+    bias : array, symbol or None, shape (3,)
+        Bias, rad/s, sensor axes; zero where None.
+    """
 
     prefix = "gyro"
     unit = residual_unit = "rad/s"
@@ -135,7 +155,28 @@ class RateGyro(_Sampled):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Accelerometer(_Sampled):
-    """Specific force (3,), m/s², sensor axes: inertial acceleration of its place minus gravity."""
+    """Accelerometer of three axes.
+
+    It reads the specific force, m/s², sensor axes: inertial acceleration of its place minus
+    gravity.
+
+    Attributes
+    ----------
+    xi : float
+        Station s/L in [0, 1].
+    name : str or None
+        Name of the sensor; its kind and number where None.
+    noise_density : float or array, shape (3,)
+        Density of the white noise, m/(s² √Hz), of all axes or each.
+    rate : float
+        Samples per second, Hz.
+    offset : array or symbol, shape (3,)
+        Its place from the reference curve, m, local axes.
+    mounting : array or symbol, shape (3, 3)
+        Rotation from sensor to local axes.
+    bias : array, symbol or None, shape (3,)
+        Bias, m/s², sensor axes; zero where None.
+    """
 
     prefix = "accelerometer"
     unit = residual_unit = "m/s²"
@@ -144,7 +185,27 @@ class Accelerometer(_Sampled):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Magnetometer(_Sampled):
-    """Magnetic field (3,), sensor axes, in the unit of `RootMotion.magnetic_field`, T."""
+    """Magnetometer of three axes.
+
+    It reads the magnetic field `RootMotion.magnetic_field`, T, in sensor axes.
+
+    Attributes
+    ----------
+    xi : float
+        Station s/L in [0, 1].
+    name : str or None
+        Name of the sensor; its kind and number where None.
+    noise_density : float or array, shape (3,)
+        Density of the white noise, T/√Hz, of all axes or each.
+    rate : float
+        Samples per second, Hz.
+    offset : array or symbol, shape (3,)
+        Its place from the reference curve, m, local axes.
+    mounting : array or symbol, shape (3, 3)
+        Rotation from sensor to local axes.
+    bias : array, symbol or None, shape (3,)
+        Bias, T, sensor axes; zero where None.
+    """
 
     prefix = "magnetometer"
     unit = residual_unit = "T"
@@ -152,9 +213,23 @@ class Magnetometer(_Sampled):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AttitudeSensor(Sensor):
-    """Attitude R (3, 3), sensor to inertial axes, with noise and bias on the right.
+    """Attitude sensor, with noise and bias on the right.
 
-    R_measured = R exp(bias) exp(noise); the residual is log(R_measuredᵀ R), (3,), rad.
+    It reads R exp(bias) exp(noise) with the rotation R (3, 3) from sensor to inertial axes. The
+    residual is log(R_measuredᵀ R), (3,), rad.
+
+    Attributes
+    ----------
+    xi : float
+        Station s/L in [0, 1].
+    name : str or None
+        Name of the sensor; its kind and number where None.
+    noise : float or array, shape (3,)
+        Standard deviation of one sample, rad, of all sensor axes or each.
+    mounting : array or symbol, shape (3, 3)
+        Rotation from sensor to local axes.
+    bias : array, symbol or None, shape (3,)
+        Rotation vector, rad, sensor axes; zero where None.
     """
 
     noise: Number  #: standard deviation of one sample, rad, for all sensor axes or each
@@ -178,6 +253,22 @@ class StrainGauge(Sensor):
     A gauge that is bonded to the unloaded wing reads zero there, pre-curved or not, and what it
     measures is the strain that the strain energy counts. With `reference="straight"` it reads zero
     on a straight wing, as a shape-sensing fibre that was calibrated before it was bonded: κ = K.
+
+    Attributes
+    ----------
+    xi : float
+        Station s/L in [0, 1].
+    name : str or None
+        Name of the sensor; its kind and number where None.
+    offset : array or symbol, shape (2,)
+        Place (y, z) in the section, m, local axes.
+    noise : float
+        Standard deviation of one sample, m/m.
+    bias : float, symbol or None
+        Bias, m/m; zero where None.
+    reference : {"unloaded", "straight"}
+        Shape at which it reads zero: the unloaded beam, so that it measures K − K_0, or a straight
+        one.
     """
 
     offset: Number  #: (y, z), m, local axes
@@ -196,6 +287,20 @@ class ShearGauge(Sensor):
     """Elastic torsion K_x − K_0x, rad/m: shear strain over the distance from the axis of twist.
 
     With `reference="straight"` it reads K_x, built-in twist included.
+
+    Attributes
+    ----------
+    xi : float
+        Station s/L in [0, 1].
+    name : str or None
+        Name of the sensor; its kind and number where None.
+    noise : float
+        Standard deviation of one sample, rad/m.
+    bias : float, symbol or None
+        Bias, rad/m; zero where None.
+    reference : {"unloaded", "straight"}
+        Shape at which it reads zero: the unloaded beam, so that it measures K − K_0, or a straight
+        one.
     """
 
     noise: Number  #: standard deviation of one sample, rad/m
@@ -209,7 +314,23 @@ class ShearGauge(Sensor):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Marker(Sensor):
-    """Position (3,) of a point of the wing, m, inertial axes: motion capture, GNSS."""
+    """Position of a point of the wing, as motion capture or satellite navigation sees it.
+
+    It reads the position (3,), m, in inertial axes.
+
+    Attributes
+    ----------
+    xi : float
+        Station s/L in [0, 1].
+    name : str or None
+        Name of the sensor; its kind and number where None.
+    noise : float or array, shape (3,)
+        Standard deviation of one sample, m, of all inertial axes or each.
+    offset : array or symbol, shape (3,)
+        The point from the reference curve, m, local axes.
+    bias : array, symbol or None, shape (3,)
+        Bias, m, inertial axes; zero where None.
+    """
 
     noise: Number  #: standard deviation of one sample, m, for all inertial axes or each
     offset: Number = field(default_factory=_origin)  #: (3,), m, local axes
@@ -229,6 +350,21 @@ class Camera(Sensor):
     zeros for derivatives: estimators take it for missing, and numbers are refused where there is
     nothing else to go by. The camera moves with the parent, whose pose changes no bearing, while
     markers and attitude sensors read in inertial axes.
+
+    Attributes
+    ----------
+    xi : float
+        Station s/L in [0, 1].
+    name : str or None
+        Name of the sensor; its kind and number where None.
+    pose : Pose
+        Pose of the camera in parent axes, the body axes of an aircraft.
+    noise : float or array, shape (2,)
+        Standard deviation of one sample, tangent of an angle.
+    offset : array or symbol, shape (3,)
+        The point from the reference curve, m, local axes.
+    bias : array, symbol or None, shape (2,)
+        Bias; zero where None.
     """
 
     pose: Pose  #: of the camera, in parent axes: the body axes of an aircraft

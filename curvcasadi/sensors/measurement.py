@@ -72,11 +72,24 @@ def measure(
 
     Parameters
     ----------
-    q : (n, 1), rad/m
-    q_dot : (n, 1), rad/(m s); needed by gyros and accelerometers
-    q_ddot : (n, 1), rad/(m s²); where it is None, accelerometers leave its part out
-    root : motion of the root, clamped to the ground where None; gravity is needed by
-        accelerometers, the magnetic field by magnetometers
+    sensors : sequence of Sensor
+        Sensors on the wing.
+    beam : Beam
+        Wing.
+    q : SX, MX, DM or array, shape (n, 1)
+        Curvature weights, rad/m.
+    q_dot : SX, MX, DM or array, shape (n, 1), optional
+        Rates of the weights, rad/(m s); needed by gyros and accelerometers.
+    q_ddot : SX, MX, DM or array, shape (n, 1), optional
+        Accelerations of the weights, rad/(m s²); accelerometers leave their part out where None.
+    root : RootMotion, optional
+        Motion of the root, clamped to the ground where None. Accelerometers need its gravity,
+        magnetometers its magnetic field.
+
+    Returns
+    -------
+    Measurement
+        Values (m, 1) and the names of their rows.
 
     Raises
     ------
@@ -128,11 +141,23 @@ def measurement_residual(
     q_ddot: AnyExpr | None = None,
     root: RootMotion | None = None,
 ) -> AnyExpr:
-    """Prediction minus measurement, (r, 1); of attitudes log(R_measuredᵀ R), rad.
+    """Prediction minus measurement; of attitudes log(R_measuredᵀ R).
 
     Parameters
     ----------
-    measured : (m, 1), rows as in `measure`; the others as there
+    sensors : sequence of Sensor
+        Sensors on the wing.
+    beam : Beam
+        Wing.
+    measured : SX, MX, DM or array, shape (m, 1)
+        Readings, rows as in `measure`.
+    q, q_dot, q_ddot, root : optional
+        As of `measure`.
+
+    Returns
+    -------
+    SX, MX or DM, shape (r, 1)
+        Residuals; those of an attitude are three, rad.
 
     Raises
     ------
@@ -167,12 +192,21 @@ def measurement_function(
 
     Parameters
     ----------
-    inputs : its inputs in order, out of "q" (n, 1), "q_dot" (n, 1), "q_ddot" (n, 1), "attitude"
-        (3, 3) of the parent, to inertial axes, "position" (3, 1) of the parent, inertial axes, and
-        the root's "twist" (6, 1) and "twist_rate" (6, 1), root axes. Where None: q, and q_dot if a
-        sensor reads rates. Rates of q that are no inputs are zero; of the root, those of `root`.
-    root : numbers for what is no input; gravity and magnetic field
-    form : "compact" (MX, a chain of calls: small C) or "unrolled" (SX)
+    name : str
+        Name of the Function, also in generated C.
+    sensors : sequence of Sensor
+        Sensors on the wing.
+    beam : Beam
+        Wing.
+    inputs : sequence of str, optional
+        Inputs in order, out of "q", "q_dot", "q_ddot" (n, 1), "attitude" (3, 3) of the parent to
+        inertial axes, "position" (3, 1) of the parent in inertial axes, and the root's "twist" and
+        "twist_rate" (6, 1), root axes. Where None: q, and q_dot if a sensor reads rates. Rates of q
+        that are no inputs are zero; of the root, those of `root`.
+    root : RootMotion, optional
+        Numbers for what is no input; gravity and magnetic field.
+    form : {"compact", "unrolled"}
+        "compact" is a chain of calls in MX (small C), "unrolled" is SX.
 
     Returns
     -------

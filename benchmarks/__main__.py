@@ -23,6 +23,7 @@ from benchmarks import (
     parallel,
     placement,
     statics,
+    waiting,
 )
 from benchmarks.table import Table
 
@@ -48,6 +49,7 @@ COUNTED: tuple[Section, ...] = (
     estimation.convergence,
     estimation.bad_data,
     estimation.single_precision,
+    waiting.memory,
 )
 #: Times, which are never counted, and C that gcc takes long for.
 TIMED: tuple[Section, ...] = (
@@ -55,6 +57,7 @@ TIMED: tuple[Section, ...] = (
     alternatives.side_by_side,
     parallel.many_weights,
     parallel.within_one_wing,
+    waiting.ratios,
 )
 
 

@@ -141,6 +141,13 @@ class Along:
         return self.check(f"{self.name} at xi = {xi:g}", self.source(xi))
 
 
+def is_table(value: Any) -> bool:
+    """Whether a quantity is a table, mirrored or not, and smooth between its breaks."""
+    while hasattr(value, "source"):
+        value = value.source
+    return isinstance(value, Piecewise)
+
+
 def breaks_of(*sources: Any) -> tuple[float, ...]:
     """The `breaks` of all `sources` that have any, sorted."""
     return tuple(sorted({float(x) for source in sources for x in getattr(source, "breaks", ())}))
@@ -150,7 +157,17 @@ def mapped(value: Any, change: Callable[[Any], Any]) -> Any:
     """`change` of a quantity, at every station where it is a function of xi; None stays None."""
     if value is None or not callable(value):
         return None if value is None else change(value)
-    return Along("", value, lambda _, found: change(found))
+    return Along("", value, _Change(change))
+
+
+@dataclass(frozen=True, eq=False)
+class _Change:
+    """What `mapped` makes of a value, as a `Check` that can be pickled."""
+
+    change: Callable[[Any], Any]
+
+    def __call__(self, name: str, value: Any) -> Any:
+        return self.change(value)
 
 
 def scalar(name: str, value: Any) -> AnyExpr:

@@ -105,6 +105,14 @@ class ChannelBasis:
         """Interior stations at which a function or its slope jumps."""
         return tuple(sorted({x for _, _, family in self._channels() for x in family.breaks}))
 
+    @property
+    def knots(self) -> tuple[float, ...] | None:
+        """Interior stations between which every function is smooth; None if a family has none."""
+        knots = [getattr(family, "knots", None) for _, _, family in self._channels()]
+        if any(of_family is None for of_family in knots):
+            return None
+        return tuple(sorted({x for of_family in knots for x in of_family or ()}))
+
     def __call__(self, xi: float) -> Array:
         phi = np.zeros((3, self.n))
         start = 0
@@ -184,6 +192,11 @@ class MirroredBasis:
     @property
     def breaks(self) -> tuple[float, ...]:
         return self.original.breaks
+
+    @property
+    def knots(self) -> tuple[float, ...] | None:
+        """As of `ChannelBasis`."""
+        return getattr(self.original, "knots", None)
 
     @property
     def tip_orders(self) -> dict[str, int]:

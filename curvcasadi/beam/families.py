@@ -46,6 +46,11 @@ class _Counted:
         return ()
 
     @property
+    def knots(self) -> tuple[float, ...]:
+        """Interior stations between which every function is smooth."""
+        return self.breaks
+
+    @property
     def labels(self) -> tuple[str, ...]:
         return tuple(f"{type(self).__name__} {k}" for k in range(self.n))
 
@@ -276,6 +281,11 @@ class Tabulated:
     def labels(self) -> tuple[str, ...]:
         """A name per function."""
         return tuple(f"Tabulated {k}" for k in range(self.n))
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Interior samples: between two of them a function is one polynomial."""
+        return tuple(float(x) for x in self.xi[1:-1])
 
     def __call__(self, xi: float) -> Array:
         return np.asarray(self._spline(xi))

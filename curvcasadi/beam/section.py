@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from functools import partial
+from operator import itemgetter
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam.along import Along, Check, breaks_of, mapped, scalar, vector
+from curvcasadi.beam.along import Along, Check, breaks_of, is_table, mapped, scalar, vector
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
@@ -116,12 +116,23 @@ class Section:
             whole = _Latest(whole)  # six entries ask for the same matrix
 
         def entry(row: int, column: int) -> Number:
-            return mapped(whole, lambda matrix: matrix[row, column])
+            return mapped(whole, itemgetter((row, column)))
 
         return cls(**{name: entry(*place) for name, place in _PLACES.items()}, **mass)
 
     def __str__(self) -> str:
         return described("Section", {name: shown(*of) for name, of in self._entries.items()})
+
+    @property
+    def stiffness_varies(self) -> bool:
+        """Whether the stiffness is a function of xi."""
+        return self._uniform is None
+
+    @property
+    def stiffness_is_smooth_between_breaks(self) -> bool:
+        """Whether the stiffness is a number, a symbol or a table, which has no unknown features."""
+        fields = [self._quantities[name] for name in (*RIGIDITIES, *COUPLINGS)]
+        return all(is_table(quantity) for quantity in fields if quantity.varies)
 
     @property
     def summary(self) -> str:
@@ -269,17 +280,18 @@ class _Latest:
     """A function of xi that remembers its value at the station that it was last asked for."""
 
     source: Along
-    _call: Callable[[float], AnyExpr] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_call", lru_cache(maxsize=1)(self.source))
+    _latest: dict[float, AnyExpr] = field(init=False, repr=False, default_factory=dict)
 
     @property
     def breaks(self) -> tuple[float, ...]:
         return self.source.breaks
 
     def __call__(self, xi: float) -> AnyExpr:
-        return self._call(xi)
+        if xi not in self._latest:
+            value = self.source(xi)
+            self._latest.clear()
+            self._latest[xi] = value
+        return self._latest[xi]
 
 
 def semidefinite(name: str, value: Number) -> AnyExpr:

@@ -231,3 +231,76 @@ def test_derivatives_of_the_balance_are_those_of_ad(wing, symbolic):
     values, expected = (ca.Function("f", [q, *designs], x)(*numbers) for x in (got, by_ad))
     for a, b in zip(values, expected, strict=True):
         assert_allclose(a.full(), b.full(), atol=1e-12 * max(1, np.abs(b.full()).max()))
+
+
+# Quadrature of the strain energy --------------------------------------------------------------
+
+#: A constant and a narrow bump, as tables.
+SAMPLES = np.linspace(0, 1, 41)
+BUMP = np.column_stack([np.ones(41), np.exp(-(((SAMPLES - 0.5) / 0.06) ** 2))])
+
+
+def exact_stiffness(basis, rigidity, points):
+    """∫ EI φ_i φ_j dxi by adaptive quadrature between `points`."""
+    total = np.zeros((basis.n, basis.n))
+    for i, j in np.ndindex(*total.shape):
+
+        def integrand(x, i=i, j=j):
+            phi = basis(x)[1]
+            return rigidity(x) * phi[i] * phi[j]
+
+        for left, right in pairwise(points):
+            total[i, j] += quad(integrand, left, right, epsabs=1e-13, epsrel=1e-12, limit=200)[0]
+    return total
+
+
+def bending_beam(basis, EI_y, elements=8):
+    section = cc.Section(GJ=1, EI_y=EI_y, EI_z=1)
+    return cc.Beam(length=1.0, basis=basis, grid=cc.Grid.uniform(elements), section=section)
+
+
+@pytest.mark.parametrize(
+    "family, points",
+    [
+        (cc.Tabulated(SAMPLES, BUMP, 1), SAMPLES),
+        (cc.Tabulated(SAMPLES, BUMP, 3), SAMPLES),
+        (cc.BSpline(5), np.linspace(0, 1, 3)),
+        (cc.CantileverModes(6), [0, 0.5, 1]),
+    ],
+    ids=["linear table", "cubic table", "spline", "modes"],
+)
+def test_the_strain_energy_resolves_narrow_functions_on_any_grid(family, points):
+    basis = cc.ChannelBasis(out_of_plane=family)
+    exact = exact_stiffness(basis, lambda x: 1.0, points)
+    for elements in (2, 30):
+        found = stiffness_matrix(bending_beam(basis, 1.0, elements))
+        assert_allclose(found, exact, rtol=0, atol=1e-10 * np.abs(exact).max())
+
+
+def test_a_narrow_feature_of_the_section_counts_in_the_strain_energy():
+    def rigidity(xi):
+        return 1 + 50 * np.exp(-(((xi - 0.37) / 0.01) ** 2))
+
+    basis = cc.ChannelBasis(out_of_plane=cc.Legendre(2))
+    exact = exact_stiffness(basis, rigidity, [0, 0.3, 0.37, 0.44, 1])
+    assert_allclose(stiffness_matrix(bending_beam(basis, rigidity)), exact, atol=1e-10)
+    # A symbol in the field changes nothing of the points.
+    factor = ca.SX.sym("factor")
+    symbolic = stiffness_matrix(bending_beam(basis, lambda xi: factor * rigidity(xi)))
+    assert_allclose(ca.Function("S", [factor], [symbolic])(3), 3 * exact, atol=1e-10)
+
+
+def test_a_jump_of_the_section_without_a_break_is_resolved_and_noise_refused():
+    basis = cc.ChannelBasis(out_of_plane=cc.Legendre(1))
+    jump = bending_beam(basis, lambda xi: 1.0 if xi < 1 / 3 else 5.0)
+    assert_allclose(stiffness_matrix(jump), [[1 / 3 + 5 * 2 / 3]], rtol=1e-10)
+    noise = np.random.default_rng(0)
+    rough = cc.VectorBasis(lambda xi: [[0], [noise.uniform(1, 2)], [0]], 1)
+    with pytest.raises(ValueError, match=r"Beam.basis: expected functions .* as breaks"):
+        stiffness_matrix(bending_beam(rough, 1.0))
+
+
+def test_a_tip_moment_finds_its_curvature_among_narrow_functions():
+    beam = bending_beam(cc.ChannelBasis(out_of_plane=cc.Tabulated(SAMPLES, BUMP, 3)), 1.0, 40)
+    found = cc.solve_equilibrium(beam, [cc.PointMoment(1.0, [0, -0.5, 0])]).q.full().ravel()
+    assert_allclose(found, [-0.5, 0], atol=1e-8)

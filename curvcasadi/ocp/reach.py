@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -108,7 +109,9 @@ def reach_shape(
 
     so that the regularizer chooses among the shapes that reach the targets and never moves a
     reachable one. Redundant targets are no obstacle: they are kept within their tolerances, not as
-    equations.
+    equations. Where they cannot be met the result is the nearest of nine starts and the guess
+    itself, by the length of the errors over their tolerances; of one start, where a position lies
+    beyond the length of the beam.
 
     Parameters
     ----------
@@ -162,7 +165,7 @@ def reach_shape(
 
     q, met = guess, True
     if problem.residuals.to_meet.numel():
-        q, met = _meet(beam, solvers, guess)
+        q, met = _meet(beam, targets, solvers, guess)
     if met:
         q = solvers.choose(q)
     result = _result(beam, targets, problem, solvers, q)
@@ -171,23 +174,34 @@ def reach_shape(
     return result
 
 
-def _meet(beam: Beam, solvers: ReachSolvers, guess: Array) -> tuple[Array, bool]:
-    """Weights that meet the unweighted targets, or the nearest of several starts."""
+def _meet(
+    beam: Beam, targets: Sequence[Target], solvers: ReachSolvers, guess: Array
+) -> tuple[Array, bool]:
+    """Weights that meet the unweighted targets, or the nearest of several starts and the guess."""
     lower, upper = (np.clip(side, -1 / beam.length, 1 / beam.length) for side in beam.bounds)
     random = np.random.default_rng(0)
-    starts = [guess, *(random.uniform(lower, upper) for _ in range(_FURTHER_STARTS))]
-    best, least = guess, np.inf
+    further = _FURTHER_STARTS if not any(map(partial(_excess, beam), targets)) else 0
+    starts = [guess, *(random.uniform(lower, upper) for _ in range(further))]
+    best, least = guess, solvers.distance(guess) if solvers.is_kept(guess) else np.inf
     for start in starts:
         q = solvers.nearest(start)
-        missed = solvers.misses(q)
-        if missed > 1:
+        if solvers.misses(q) > 1:
             q = solvers.polish(q)
-            missed = solvers.misses(q)
-        if missed <= 1:
+        if solvers.misses(q) <= 1:
             return q, True
-        if missed < least:
-            best, least = q, missed
+        if solvers.distance(q) < least:
+            best, least = q, solvers.distance(q)
     return best, False
+
+
+def _excess(beam: Beam, target: Target) -> float:
+    """By how much, m, an unweighted position lies beyond the length of the beam to its station."""
+    if target.position is None or target.weight is not None:
+        return 0.0
+    tolerance = TOLERANCE if target.tolerance is None else float(target.tolerance)
+    reach = float(target.xi * beam.length)
+    away = float(ca.norm_2(target.position - beam.root.position))
+    return away - reach if away > reach + tolerance * float(beam.length) else 0.0
 
 
 def _result(
@@ -229,7 +243,6 @@ def _why_missed(
 ) -> str:
     """Which unweighted targets are missed, by how much, and what holds them off."""
     remaining_distances, remaining_angles = iter(distances), iter(angles)
-    root = beam.root.position
     misses, reasons = [], []
     for i, target in enumerate(targets):
         parts, fractions = [], []
@@ -237,10 +250,10 @@ def _why_missed(
             distance = next(remaining_distances)
             parts.append(f"{distance:.3g} m")
             fractions.append(distance / beam.length)
-            away, reach = float(ca.norm_2(target.position - root)), float(target.xi * beam.length)
-            if target.weight is None and away > reach:
+            if excess := _excess(beam, target):
+                reach = float(target.xi * beam.length)
                 reasons.append(
-                    f"targets[{i}] is out of reach: {away:.6g} m from the root, "
+                    f"targets[{i}] is out of reach: {reach + excess:.6g} m from the root, "
                     f"the beam ends at most {reach:.6g} m from it"
                 )
         if target.rotation is not None:

@@ -92,9 +92,26 @@ class ReachSolvers:
         return tuple(e.full().ravel() for e in self._errors(q, self._parameters))
 
     def misses(self, q: Array) -> float:
-        """Largest error of an unweighted target over its tolerance."""
+        """Largest error of an unweighted target, as a length, over its tolerance."""
+        return float(np.max(self._scaled_errors(q), initial=0.0))
+
+    def distance(self, q: Array) -> float:
+        """Distance from all unweighted targets: root of the sum of squares over tolerances.
+
+        Lengths of errors are the same in every parent frame.
+        """
+        return float(np.linalg.norm(self._scaled_errors(q)))
+
+    def is_kept(self, q: Array) -> bool:
+        """Whether weights keep the limits of curvature and element angles."""
+        limits = self.problem.limits
+        values = self._limits(q).full().ravel()
+        return bool(np.all((values >= limits.lower) & (values <= limits.upper)))
+
+    def _scaled_errors(self, q: Array) -> Array:
+        """Length of each error (3,) of an unweighted target, over its tolerance."""
         error, _, _ = self.errors(q)
-        return float(np.max(np.abs(error) / self.problem.residuals.tolerances, initial=0.0))
+        return np.linalg.norm((error / self.problem.residuals.tolerances).reshape(-1, 3), axis=1)
 
     def nearest(self, q: Array) -> Array:
         """Weights nearest to the unweighted targets, from `q`."""
@@ -121,11 +138,9 @@ class ReachSolvers:
             gtol=1e-15,
             max_nfev=500,
         )
-        limits = self.problem.limits
-        values = self._limits(solution.x).full().ravel()
-        kept = np.all((values >= limits.lower) & (values <= limits.upper))
         self.iterations += int(solution.nfev)
-        return solution.x if kept and self.misses(solution.x) < self.misses(q) else q
+        better = self.is_kept(solution.x) and self.distance(solution.x) < self.distance(q)
+        return solution.x if better else q
 
     def choose(self, q: Array) -> Array:
         """Best weights that meet the unweighted targets, from weights `q` that meet them."""

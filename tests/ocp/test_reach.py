@@ -425,3 +425,45 @@ def test_strain_energy_needs_a_numeric_section():
     soft = replace(WING, section=replace(WING.section, GJ=ca.SX.sym("GJ")))
     with pytest.raises(ValueError, match=r"Beam\.section: a regularizer needs numbers"):
         cc.reach_shape(soft, [GOAL], regularizer="strain_energy")
+
+
+# Out of reach ----------------------------------------------------------------------------------
+
+BOUND = 1.54665314
+STIFF_IN_PLANE = cc.Beam(
+    length=1.0,
+    basis=cc.ChannelBasis(out_of_plane=cc.Legendre(3), in_plane=cc.Legendre(1)),
+    grid=cc.Grid.uniform(16),
+    weight_bounds=BOUND,
+)
+MISSED = np.array([-0.869, -0.0702, -0.3664])
+
+
+def test_the_nearest_shape_is_the_best_of_the_starts_and_no_worse_than_the_guess():
+    target = [cc.Target(xi=1.0, position=MISSED)]
+    corner = np.array([1, -1, -1, -1]) * BOUND
+    at_corner = cc.pose_at(STIFF_IN_PLANE, corner, 1.0).position.full().ravel()
+    for guess in (None, corner):
+        found = cc.reach_shape(STIFF_IN_PLANE, target, q_guess=guess, throw=False)
+        assert not found.reached
+        assert found.distances[0] <= np.linalg.norm(at_corner - MISSED) + 1e-6
+
+
+def test_the_nearest_shape_does_not_depend_on_the_axes_of_the_parent():
+    turn = oracle.rotation([0.7, -0.4, 1.1])
+    turned = replace(STIFF_IN_PLANE, root=cc.Pose(rotation=turn, position=[1, 2, 3]))
+    target = cc.Target(xi=1.0, position=MISSED)
+    image = cc.Target(xi=1.0, position=turn @ MISSED + [1, 2, 3])
+    distances = [
+        cc.reach_shape(beam, [goal], throw=False).distances[0]
+        for beam, goal in ((STIFF_IN_PLANE, target), (turned, image))
+    ]
+    np.testing.assert_allclose(*distances, rtol=1e-6)
+
+
+def test_a_target_beyond_the_length_of_the_beam_is_answered_by_one_solve():
+    near = cc.reach_shape(STIFF_IN_PLANE, [cc.Target(xi=1.0, position=MISSED)], throw=False)
+    far = [cc.Target(xi=1.0, position=[1.5, 0.2, 0.1])]
+    found = cc.reach_shape(STIFF_IN_PLANE, far, throw=False)
+    assert "targets[0] is out of reach: 1.51658 m from the root" in found.message
+    assert found.iterations < near.iterations / 3  # of one start, not of nine

@@ -34,6 +34,9 @@ nonlinear beams for very flexible aircraft modeling") and their names here
 | segment length (section 3.1) | `elements_for` |
 """
 
+from curvcasadi import errors as _errors  # first: how the command ends at Ctrl-C  # noqa: F401
+
+# isort: split
 from curvcasadi.aero import (
     AerodynamicLoad,
     ControlSurface,

@@ -29,6 +29,7 @@ from curvcasadi.aircraft.trim_result import (
     wing_shape,
 )
 from curvcasadi.errors import ConvergenceError
+from curvcasadi.solvers.interrupt import solved
 from curvcasadi.symbolic.expressions import Array, choice, expression, positive
 
 #: What Newton's method leaves as it is.
@@ -273,5 +274,6 @@ def _run(
     nlp: ca.Function, x: Array, p: Array, lower: Array, upper: Array, *sides: Array
 ) -> tuple[Array, dict[str, Any]]:
     low, high = sides[0], sides[-1]
-    solution = nlp(x0=np.clip(x, lower, upper), p=p, lbx=lower, ubx=upper, lbg=low, ubg=high)
-    return np.clip(solution["x"].full().ravel(), lower, upper), nlp.stats()
+    start = np.clip(x, lower, upper)
+    solution, stats = solved(nlp, x0=start, p=p, lbx=lower, ubx=upper, lbg=low, ubg=high)
+    return np.clip(solution["x"].full().ravel(), lower, upper), stats

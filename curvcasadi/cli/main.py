@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +13,7 @@ from curvcasadi.cli import equilibrium as equilibrium_command
 from curvcasadi.cli import estimate as estimate_command
 from curvcasadi.cli import shape as shape_command
 from curvcasadi.cli import trim as trim_command
-from curvcasadi.errors import ConvergenceError
+from curvcasadi.errors import ConvergenceError, leave_at_interrupt
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -21,13 +22,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     0; 2 after an error in the input; 3 if a solver did not reach what was asked for; 130 after
     Ctrl-C.
     """
-    arguments = _parser().parse_args(_joined(sys.argv[1:] if argv is None else argv))
+    if signal.getsignal(signal.SIGINT) is leave_at_interrupt:  # the imports are over
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
+        arguments = _parser().parse_args(_joined(sys.argv[1:] if argv is None else argv))
         code: int = arguments.run(arguments)
         return code
     except ConvergenceError as error:
         return _refuse(str(error), 3)
     except KeyboardInterrupt:
+        return _refuse("interrupted", 130)
+    except RuntimeError as error:
+        if "KeyboardInterrupt" not in str(error):  # which CasADi met within a Function
+            raise
         return _refuse("interrupted", 130)
     except OSError as error:
         return _refuse(f"{error.filename}: {error.strerror}" if error.filename else str(error), 2)

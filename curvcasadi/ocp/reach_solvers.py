@@ -11,6 +11,7 @@ import numpy as np
 from curvcasadi.beam.beam import Beam
 from curvcasadi.ocp.limits import Limits, Regularizer, regularizer_matrix, shape_limits
 from curvcasadi.ocp.targets import Residuals, Target, residuals, values_of
+from curvcasadi.solvers.interrupt import solved
 from curvcasadi.solvers.sqp import roomy, with_room
 from curvcasadi.symbolic.expressions import Array, Number
 
@@ -155,8 +156,7 @@ class ReachSolvers:
         limits = {"lbx": lbx, "ubx": ubx, "lbg": lower, "ubg": upper}
         if self._roomy:
             limits = with_room(limits)
-        solution = nlp(x0=q, p=self._parameters, **limits)
-        stats = nlp.stats()
+        solution, stats = solved(nlp, x0=q, p=self._parameters, **limits)
         self.iterations += int(stats["iter_count"])
         self.converged = bool(stats["success"])
         return np.asarray(np.clip(solution["x"].full().ravel(), lbx, ubx))

@@ -25,6 +25,9 @@ class ConvergenceError(RuntimeError):
         super().__init__(message)
         self.result = result
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.result)
+
 
 def _is_command() -> bool:
     """Whether the package is imported by its command or by `python -m curvcasadi`."""

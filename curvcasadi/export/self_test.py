@@ -53,8 +53,11 @@ def _test(wrapper: Wrapper, given: Sequence[Sequence[Any]] | None) -> str:
     """C that calls one function at every sample; returns its largest error, or what went wrong."""
     export, name = wrapper.export, wrapper.export.name
     if given is None and export.is_solver:
+        shapes = [f"{key} {export.function.size_in(key)}" for key in export.function.name_in()]
         raise ValueError(
-            f"reference_inputs: expected inputs of the solver {name!r}, which random ones are not"
+            f"reference_inputs: expected inputs of the solver {name!r}, which random ones are not: "
+            f"reference_inputs={{{name!r}: [[{', '.join(export.function.name_in())}], ...]}}, a "
+            f"list for each comparison, with {', '.join(shapes)}"
         )
     inputs = _random_inputs(wrapper) if given is None else _listed(name, given)
     samples = [_sample(wrapper, values) for values in inputs]

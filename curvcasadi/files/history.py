@@ -27,7 +27,8 @@ def load_weights(
     """Time-varying weights from a CSV file.
 
     The first line names the columns, in any order: q0 … q{n−1}, rad/m, and optionally time, s. Each
-    further line is one sample: row k of the result stands in line k + 2.
+    further line is one sample: row k of the result stands in line k + 2. A table of estimates, as
+    `curvcasadi estimate --out` writes it with deviations std_q0 …, may have further columns.
 
     Parameters
     ----------
@@ -51,7 +52,7 @@ def load_weights(
     names = [f"q{k}" for k in range(n)]
     _check_header(table, names, labels or [""] * n)
     columns = table.header.columns
-    samples = np.array([_sample(table, k) for k in range(len(table.lines))])
+    samples = np.array([_sample(table, names, k) for k in range(len(table.lines))])
     if not len(samples):
         raise table.header.error(2, f"expected a sample of {', '.join(columns)}, found none")
     times = samples[:, columns.index("time")] if "time" in columns else None
@@ -60,12 +61,19 @@ def load_weights(
     return times, samples[:, [columns.index(name) for name in names]]
 
 
-def _sample(table: CsvTable, k: int) -> list[float]:
-    return [table.number(k, column, text) for column, text in table.row(k).items()]
+def _sample(table: CsvTable, names: Sequence[str], k: int) -> list[float]:
+    wanted = {"time", *names}
+    return [
+        table.number(k, column, text) if column in wanted else np.nan
+        for column, text in table.row(k).items()
+    ]
 
 
 def _check_header(table: CsvTable, names: Sequence[str], labels: Sequence[str]) -> None:
-    found = table.header.faults(names, ["time"])
+    present = table.header.columns
+    # What `estimate` writes beside weights: where it tells deviations, all else is its own.
+    estimated = all(f"std_{name}" in present for name in names)
+    found = table.header.faults(names, present if estimated else ["time"])
     if found:
         columns = ", ".join(
             f"{name} {label}".strip() for name, label in zip(names, labels, strict=True)

@@ -115,9 +115,10 @@ def _certificate(
     lower, upper = beam.bounds
     angles = squared_element_angles(beam, q) - beam.grid.max_angle**2
     violation = ca.mmax(ca.vertcat(0, lower - q, q - upper, angles)) / limit
-    stiffness = ca.Function("stiffness", [*parameters.values()], [ca.MX(stiffness_matrix(beam))])(
-        *parts
+    of_parameters = ca.Function(
+        "stiffness", [*parameters.values()], [ca.MX(stiffness_matrix(beam))]
     )
+    (stiffness,) = of_parameters.call(parts)  # with no parameters, calling it returns a dict
     left = residual(q, *parts)
     elastic = stiffness @ q
     bend = ca.mmax(ca.fabs(ca.diag(stiffness))) * 1e-3 / numeric_length(beam, "checked")

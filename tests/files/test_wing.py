@@ -711,3 +711,14 @@ class TestShapeFile:
         expected = f"expected a file name that ends in .csv or .npz, found {found}"
         refused(tmp_path / name, expected, lambda path: write_shape(path, history))
         assert not (tmp_path / name).exists()
+
+
+def test_a_table_of_estimates_holds_weights(tmp_path):
+    path = tmp_path / "estimate.csv"
+    path.write_text("time,q0,q1,std_q0,std_q1,tip_x\n0,1,2,0.1,0.1,nan\n1,3,4,0.1,0.1,5\n")
+    times, weights = load_weights(path, 2)
+    np.testing.assert_array_equal(times, [0, 1])
+    np.testing.assert_array_equal(weights, [[1, 2], [3, 4]])
+    path.write_text("time,q0,q1,std_q0\n0,1,2,0.1\n")
+    with pytest.raises(ValueError, match="found the unknown std_q0"):
+        load_weights(path, 2)

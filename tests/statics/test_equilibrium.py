@@ -426,3 +426,11 @@ def test_a_column_buckles_with_the_branch_that_its_imperfection_chooses():
     assert_allclose(result.shape.tip.position.full().ravel(), [0, 0.66, -12.67], atol=0.01)
     _, tangent = cc.equilibrium_tangent(wing, result.q, [cc.PointForce(1.0, [0, -400, -1])])
     assert np.all(np.linalg.eigvalsh(tangent.full()) > 0)
+
+
+def test_a_checked_equilibrium_of_constant_loads_needs_no_parameters():
+    wing = hale_wing()
+    load = [cc.PointForce(1.0, [0, 0, -30.0])]
+    found = cc.equilibrium_function(wing, load, checked=True)(q_guess=np.zeros(9))
+    np.testing.assert_allclose(found["q"], cc.solve_equilibrium(wing, load).q, atol=1e-9)
+    assert max(float(found["violation"]), float(found["stationarity"])) <= 1

@@ -129,6 +129,7 @@ from curvcasadi.control import (
 from curvcasadi.dynamics import (
     VibrationModes,
     forward_dynamics,
+    forward_dynamics_function,
     inverse_dynamics,
     inverse_dynamics_function,
     kinetic_energy,
@@ -334,6 +335,7 @@ __all__ = [
     "export_c",
     "fit_shape",
     "forward_dynamics",
+    "forward_dynamics_function",
     "free_forward_dynamics",
     "free_inverse_dynamics",
     "free_inverse_dynamics_function",

@@ -155,8 +155,7 @@ def free_forward_dynamics(
         gravity=gravity,
         loads=loads,
     )
-    matrix = free_mass_matrix(aircraft, q)
-    triangle = ca.vertcat(*(matrix[: k + 1, k] for k in range(size)))
+    triangle = mass.upper_triangle(free_mass_matrix(aircraft, q))
     return mass.ldl_solve(size)(triangle, -bias)
 
 

@@ -11,11 +11,12 @@ from curvcasadi.dynamics.frequencies import (
     natural_frequencies,
     vibration_modes,
 )
+from curvcasadi.dynamics.functions import (
+    forward_dynamics_function,
+    inverse_dynamics_function,
+)
 from curvcasadi.dynamics.inverse import (
     inverse_dynamics,
-)
-from curvcasadi.dynamics.inverse_function import (
-    inverse_dynamics_function,
 )
 from curvcasadi.dynamics.mass import (
     mass_matrix,
@@ -24,6 +25,7 @@ from curvcasadi.dynamics.mass import (
 __all__ = [
     "VibrationModes",
     "forward_dynamics",
+    "forward_dynamics_function",
     "inverse_dynamics",
     "inverse_dynamics_function",
     "kinetic_energy",

@@ -45,8 +45,12 @@ def forward_dynamics(
     """
     states = system.weights(beam, q=q, q_dot=q_dot)
     built = system.build(beam, loads, root, states)
+    return accelerations(built, *states.values())
+
+
+def accelerations(built: system.System, q: AnyExpr, q_dot: AnyExpr) -> AnyExpr:
+    """Accelerations (n, 1) by the mass matrix and the residual without acceleration."""
     mass.check_invertible(built)
-    n = beam.basis.n
-    bias = inverse.balance(built, states["q"], states["q_dot"], ca.DM.zeros(n)).residual
-    triangle = mass.packed_mass_matrix(built, states["q"])
-    return mass.ldl_solve(n)(triangle, -bias)
+    n = built.beam.basis.n
+    bias = inverse.balance(built, q, q_dot, ca.DM.zeros(n)).residual
+    return mass.ldl_solve(n)(mass.packed_mass_matrix(built, q), -bias)

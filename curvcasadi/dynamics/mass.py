@@ -87,6 +87,11 @@ def check_invertible(built: system.System) -> None:
         )
 
 
+def upper_triangle(matrix: AnyExpr) -> AnyExpr:
+    """Upper triangle of a matrix (n, n), packed by columns."""
+    return ca.vertcat(*(matrix[: k + 1, k] for k in range(matrix.shape[0])))
+
+
 def unpack_symmetric(triangle: AnyExpr, n: int) -> AnyExpr:
     """The symmetric matrix (n, n) whose upper triangle is packed by columns."""
     order = np.zeros((n, n), dtype=int)

@@ -115,6 +115,33 @@ def test_derivatives_by_states_and_parameters_of_every_kind_are_those_of_the_res
         close(block, by_ad, 1e-11)
 
 
+def test_small_derivatives_by_reverse_sweeps_are_the_same():
+    force = ca.MX.sym("force", 3)
+    loads, values = [*WEIGHT, cc.PointForce(1.0, force, "follower")], [*motion(), [1.0, 4.0, -20.0]]
+    structured = cc.inverse_dynamics_function(wing(), loads, {"force": force})
+    small = cc.inverse_dynamics_function(wing(), loads, {"force": force}, small=True)
+    for block, expected in zip(blocks(small, *values), blocks(structured, *values), strict=True):
+        close(block, expected, 1e-13)
+    with pytest.raises(ValueError, match="form: expected 'compact'"):
+        cc.inverse_dynamics_function(wing(), form="unrolled", small=True)
+
+
+@pytest.mark.parametrize("form", ["compact", "unrolled"])
+def test_derivatives_of_forward_dynamics_are_those_of_its_expression(form):
+    kind = ca.MX if form == "compact" else ca.SX
+    force, values = kind.sym("force", 3), [*motion()[:2], [1.0, 4.0, -20.0]]
+    loads = [*WEIGHT, cc.PointForce(1.0, force, "follower")]
+    f = cc.forward_dynamics_function(wing(), loads, {"force": force}, form=form)
+    states = [kind.sym(name, N) for name in STATES[:2]]
+    plain = ca.Function("plain", [*states, force], [cc.forward_dynamics(wing(), *states, loads)])
+    close(f(*values), plain(*values))
+    for block, by_ad in zip(blocks(f, *values), blocks(plain, *values), strict=True):
+        close(block, by_ad, 1e-10)  # the condition of the mass matrix
+    x = [ca.MX.sym(name, N) for name in STATES[:2]]
+    jacobian = ca.Function("J", x, [ca.jacobian(f(*x, values[2]), x[0])])
+    assert "jac_forward_dynamics" in {g.name() for g in jacobian.find_functions()}
+
+
 def test_casadi_uses_the_attached_derivative_and_second_derivatives_follow():
     f = cc.inverse_dynamics_function(wing(), WEIGHT)
     x = [ca.MX.sym(name, N) for name in STATES]

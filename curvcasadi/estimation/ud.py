@@ -116,11 +116,11 @@ def measure_rows(
     -------
     belief, and of each measurement ν/√s and whether it was used, (2, 1)
     """
-    said = []
+    outcomes = []
     for row, variance in zip(rows, variances, strict=True):
-        belief, told = measure(row.numel() - 1, gate)(belief, belief, row, variance)
-        said.append(told)
-    return belief, said
+        belief, outcome = measure(row.numel() - 1, gate)(belief, belief, row, variance)
+        outcomes.append(outcome)
+    return belief, outcomes
 
 
 def measure_together(
@@ -128,15 +128,15 @@ def measure_together(
 ) -> tuple[AnyExpr, list[AnyExpr]]:
     """As `measure_rows`, but of rows that one gate lets through, each alone, all or none.
 
-    What it says of rows that are not used is that of each alone.
+    The outcome of a row that is not used is that of the row alone.
     """
     judge = measure(rows[0].numel() - 1, gate)
     alone = [judge(belief, belief, *pair)[1] for pair in zip(rows, variances, strict=True)]
-    together = reduce(mul, [told[1] for told in alone])
+    together = reduce(mul, [outcome[1] for outcome in alone])
     missing = ca.vertcat(ca.DM.zeros(rows[0].numel() - 1), ca.sqrt(together - 1))
-    belief, said = measure_rows(belief, [row + missing for row in rows], variances, np.inf)
+    belief, used = measure_rows(belief, [row + missing for row in rows], variances, np.inf)
     rejected = [ca.vertcat((1 - together) * one[0], 0) for one in alone]
-    return belief, [told + one for told, one in zip(said, rejected, strict=True)]
+    return belief, [one + other for one, other in zip(used, rejected, strict=True)]
 
 
 @lru_cache(maxsize=64)

@@ -60,7 +60,7 @@ def mhe_words(
         "states": f"one column a sample; rows: {at}",
         "violation": "largest excess over a bound, over its tolerance; kept where at most 1",
         "stationarity": "bound of the distance to the optimum over its tolerance; solved to 1",
-        **{name: f"{told}; one sample beside the other" for name, told in _ROOT.items()},
+        **{name: f"{text}; one sample beside the other" for name, text in _ROOT.items()},
     }
     return {name: words[name] for name in names}
 

@@ -145,7 +145,7 @@ class CFunction:
         return {VIOLATION, STATIONARITY} <= set(self.function.name_out())
 
     def refuse_unchecked_solver(self) -> None:
-        """Generated solvers say success whatever they find."""
+        """Refuse a solver that cannot be checked, as generated solvers always report success."""
         parts = {f.class_name() for f in [self.function, *self.function.find_functions()]}
         solvers = sorted(parts & _SOLVERS)
         if solvers and not self.is_solver and not self.unchecked:

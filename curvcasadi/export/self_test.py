@@ -154,9 +154,9 @@ def _outputs(export: CFunction, sample: list[ca.DM]) -> dict[str, ca.DM]:
 
 
 def _outcome(status: str, output: Mapping[str, ca.DM]) -> str:
-    """A failure in words, with the outputs that tell it."""
-    told = [f"{key} {float(output[key]):.3g}" for key in (VIOLATION, STATIONARITY)]
-    return f"{status} ({', '.join(told)})"
+    """A failure in words, with the outputs that show it."""
+    measures = [f"{key} {float(output[key]):.3g}" for key in (VIOLATION, STATIONARITY)]
+    return f"{status} ({', '.join(measures)})"
 
 
 def _status(export: CFunction, output: Mapping[str, ca.DM]) -> str:

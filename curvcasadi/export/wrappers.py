@@ -1,8 +1,8 @@
 """Typed calls of generated functions: their declarations and definitions in C.
 
-A generated function takes arrays of pointers and buffers, and says nothing of a wrong result. Its
+A generated function takes arrays of pointers and buffers, and does not report a wrong result. Its
 wrapper has an argument for every input and a struct for the outputs, refuses bad input, and gives
-nothing out that it cannot vouch for.
+out only results that it has checked.
 """
 
 from __future__ import annotations

@@ -57,7 +57,7 @@ def load_modes(path: str | Path, *, length: float | None = None) -> Modes:
     of a mode, arc length from the root, displacement, m, and rotation vector, rad, in the
     undeformed local axes (x to the tip, y to the leading edge, z up on a right wing). All modes
     have the same stations. A column of rotations may be empty: then r_y = −u_z', r_z = u_y', from
-    cubic splines, and r_x = 0, since a line's displacements do not tell its twist.
+    cubic splines, and r_x = 0, since the displacements of a line do not determine its twist.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ _FAR = 1e30
 
 
 class Solution(NamedTuple):
-    """What a solver found; the last two by its result alone, whatever it says of itself."""
+    """The result of a solver; the last two fields are computed from it, not by the solver."""
 
     x: ca.MX
     values: ca.MX  #: of the constraints at x

@@ -38,7 +38,7 @@ def with_room(limits: dict[str, Number]) -> dict[str, Number]:
 
 
 class Solution(NamedTuple):
-    """What a solver found; the last two by its result alone, whatever it says of itself."""
+    """The result of a solver; the last two fields are computed from it, not by the solver."""
 
     x: ca.MX
     violation: ca.MX  #: excess over bounds and constraints, Euclidean norm

@@ -223,7 +223,7 @@ def copied(value: Any) -> Any:
 def own_fields(description: Any) -> None:
     """Replace the fields of a frozen dataclass by copies of their own: to begin `__post_init__`.
 
-    An array that is changed after it was given then changes nothing of the description.
+    A later change of an array that a user passed in then leaves the description as it was.
     """
     for entry in fields(description):
         if hasattr(description, entry.name):

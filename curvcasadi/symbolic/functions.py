@@ -57,7 +57,7 @@ def free_symbols(value: AnyExpr, declared: Iterable[AnyExpr]) -> list[str]:
 
 
 def identities(symbols: Iterable[AnyExpr]) -> list[int]:
-    """What tells the primitive symbols in `symbols` apart, whatever their names."""
+    """Identities of the primitive symbols in `symbols`; symbols of one name have different ones."""
     return [_identity(s) for symbol in symbols for s in ca.symvar(symbol)]
 
 

@@ -291,7 +291,8 @@ def shape_ekf(
     gate : float
         Largest innovation over its standard deviation; np.inf uses everything. From a wide start a
         gate helps the linearization, too: in the runs with gyros above the mean was 1.03 with a
-        gate of 5, and 2.6 without. The three rows of an attitude sensor stand or fall together.
+        gate of 5, and 2.6 without. The three rows of an attitude sensor are used or left out
+        together.
     iterations : int
         Linearizations of an update. One serves a filter that has converged; from a start whose
         errors bend the readings (or after a long gap) take five or more, in a second filter.

@@ -74,15 +74,20 @@ def _pass(process: Process, observation: Observation, look: bool) -> ca.Function
     rows = readings.rows(None if look or not first else unknown)
     offset = ca.MX(ca.DM.zeros(first)) if look else readings.offset(unknown)
     belief = _belief(process, observation)(factor, start, offset)
-    said = []
+    outcomes = []
     for row in rows:
         if row.shared or not look:
             gated = row.together and observation.gate < np.inf
             measure = ud.measure_together if gated else ud.measure_rows
-            belief, told = measure(belief, row.rows, row.variance, observation.gate)
-            said += told
+            belief, more = measure(belief, row.rows, row.variance, observation.gate)
+            outcomes += more
     after, error = ud.split_belief(belief, first + size)
-    outputs = [error[first:], after[first:, first:], ca.horzcat(*said), offset + error[:first, :]]
+    outputs = [
+        error[first:],
+        after[first:, first:],
+        ca.horzcat(*outcomes),
+        offset + error[:first, :],
+    ]
     name, outputs = ("look", outputs[-1:]) if look else ("take", outputs)
     return ca.Function(name, arguments, outputs, {"cse": True})
 

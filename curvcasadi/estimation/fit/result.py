@@ -127,8 +127,8 @@ class ShapeFit:
             strict=True,
         )
         for label, value, unit, normalized in rows:
-            told = f"{value:+.3e} {unit}, {normalized:+.2f} σ" if np.isfinite(value) else "missing"
-            lines.append(f"  {label:<{width}}  {told}")
+            text = f"{value:+.3e} {unit}, {normalized:+.2f} σ" if np.isfinite(value) else "missing"
+            lines.append(f"  {label:<{width}}  {text}")
         return "\n".join([*lines, self.message])
 
     def __repr__(self) -> str:

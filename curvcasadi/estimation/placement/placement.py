@@ -1,4 +1,4 @@
-"""Which of many candidate sensors to buy: those that tell most about the weights."""
+"""Which of many candidate sensors to buy: those with the most information about the weights."""
 
 from __future__ import annotations
 
@@ -154,7 +154,7 @@ def place_sensors(
     budget: float | None = None,
     method: Method = "greedy",
 ) -> Placement:
-    """Choose at most `k` of m candidates, within the budget, that tell most about the weights.
+    """Choose at most `k` of m candidates within the budget, with most information on the weights.
 
         max_A  f(A) = log det(P⁻¹ + Σ_{i ∈ A} H_i) − log det P⁻¹
 

@@ -164,7 +164,7 @@ def _sets(m: int, limits: Limits) -> list[tuple[int, Iterable[tuple[int, ...]]]]
 
 def _too_many(what: str) -> ValueError:
     return ValueError(
-        f"method: 'exact' tries at most {MOST_SETS} sets, {what}; use 'greedy', whose result tells "
+        f"method: 'exact' tries at most {MOST_SETS} sets, {what}; use 'greedy', whose result says "
         "how far from the optimum it may be"
     )
 

@@ -29,7 +29,9 @@ SLOW = {
     "claims/test_examples.py",
     "claims/test_docs.py",
     "statics/test_equilibrium.py",
+    "solvers/test_qp.py",
     "solvers/test_sqp.py",
+    "control/test_simulation.py",
 }
 TESTS = Path(__file__).parent
 REFERENCE = Path(__file__).parent / "reference"

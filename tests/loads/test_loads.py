@@ -426,7 +426,7 @@ def test_nodes_per_element():
 
 
 def test_cost_is_linear_in_the_number_of_elements():
-    small, middle, large = (np.array(node_counts(n)) for n in (6, 12, 24))
+    small, middle, large = (np.array(node_counts(n)) for n in (10, 20, 40))
     # Each doubling adds twice what the one before added; a quadratic cost would add four times.
     assert_allclose((large - middle) / (middle - small), [2, 2], rtol=0.02)
 

@@ -36,6 +36,8 @@ from curvcasadi.symbolic.expressions import (
 Side = Literal["right", "left"]
 #: Share of the span over which a kink of the reference curve is bent.
 KINK = 1e-3
+#: Turn over the span, rad, that is rounding.
+ROUNDING = 1e-14
 _UNSWEPT = ca.DM([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 
 
@@ -161,6 +163,7 @@ class WingGeometry:
                 pairwise(attitudes), pairwise(ends), strict=True
             )
         ]
+        values = [np.where(np.abs(value) * self.length > ROUNDING, value, 0.0) for value in values]
         if not np.any(values):
             return None
         if self.side == "left":

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam
+from curvcasadi.cli.options import FIGURES, TABLES, output
 from curvcasadi.files import load_wing, write_shape
 from curvcasadi.files.loads import parse_load
 from curvcasadi.kinematics.history import shape_history
@@ -50,8 +51,8 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--load", action="append", default=[], metavar="TYPE KEY=VALUE ...", help="one more load"
     )
-    parser.add_argument("--out", type=Path, metavar="FILE.csv|FILE.npz", help="p and D")
-    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="deformed wing")
+    parser.add_argument("--out", type=output(*TABLES), metavar="FILE.csv|FILE.npz", help="p and D")
+    parser.add_argument("--plot", type=output(*FIGURES), metavar="FILE.png", help="deformed wing")
     parser.add_argument("--half", action="store_true", help="figure without the mirror image")
     parser.set_defaults(run=run)
 

@@ -7,13 +7,21 @@ import re
 import signal
 import sys
 from collections.abc import Sequence
+from importlib.metadata import version
 from pathlib import Path
 
 from curvcasadi.cli import equilibrium as equilibrium_command
 from curvcasadi.cli import estimate as estimate_command
+from curvcasadi.cli import export as export_command
+from curvcasadi.cli import info as info_command
 from curvcasadi.cli import shape as shape_command
+from curvcasadi.cli import target as target_command
+from curvcasadi.cli import template as template_command
 from curvcasadi.cli import trim as trim_command
 from curvcasadi.errors import ConvergenceError, leave_at_interrupt
+
+#: Options whose numbers may begin with a minus sign.
+SIGNED = ("--weights", "--position", "--turn")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -53,10 +61,17 @@ def _parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(title="commands", required=True)
 
+    parser.add_argument(
+        "--version", action="version", version=f"curvcasadi {version('curvcasadi')}"
+    )
+    template_command.add_parser(commands)
+    info_command.add_parser(commands)
     shape_command.add_parser(commands)
+    target_command.add_parser(commands)
     equilibrium_command.add_parser(commands)
     trim_command.add_parser(commands)
     estimate_command.add_parser(commands)
+    export_command.add_parser(commands)
 
     demo = commands.add_parser("demo", help="a tour of the package, written to a directory")
     demo.add_argument("--out", type=Path, metavar="DIR", default=Path("out"), help="default: out")
@@ -68,7 +83,7 @@ def _joined(argv: Sequence[str]) -> list[str]:
     """`--weights -0.1,0` as `--weights=-0.1,0`: argparse would take the former for two options."""
     joined: list[str] = []
     for argument in argv:
-        if joined and joined[-1] == "--weights" and re.match(r"-[\d.]", argument):
+        if joined and joined[-1] in SIGNED and re.match(r"-[\d.]", argument):
             joined[-1] += f"={argument}"
         else:
             joined.append(argument)

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam
+from curvcasadi.cli.options import ANIMATIONS, FIGURES, TABLES, add_progress, output
 from curvcasadi.files import load_beam, load_weights, write_shape
 from curvcasadi.kinematics.history import ShapeHistory, shape_history
 from curvcasadi.lie import so3
@@ -43,15 +44,17 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("wing", type=Path, metavar="WING.toml", help="wing file")
     parser.add_argument("--weights", metavar="NUMBERS|FILE.csv", help="constant or time-varying")
-    parser.add_argument("--out", type=Path, metavar="FILE.csv|FILE.npz", help="p and D")
+    table, figure, film = output(*TABLES), output(*FIGURES), output(*ANIMATIONS)
+    parser.add_argument("--out", type=table, metavar="FILE.csv|FILE.npz", help="p and D")
     parser.add_argument(
-        "--plot", type=Path, metavar="FILE.png", help="deformed wing; of a history, the last sample"
+        "--plot", type=figure, metavar="FILE.png", help="deformed wing; of a history, the last one"
     )
     parser.add_argument(
-        "--animate", type=Path, metavar="FILE.gif|FILE.mp4", help="animation of a history"
+        "--animate", type=film, metavar="FILE.gif|FILE.mp4", help="animation of a history"
     )
-    parser.add_argument("--basis-plot", type=Path, metavar="FILE.png", help="basis functions")
+    parser.add_argument("--basis-plot", type=figure, metavar="FILE.png", help="basis functions")
     parser.add_argument("--half", action="store_true", help="figures without the mirror image")
+    add_progress(parser)
     parser.set_defaults(run=run)
 
 
@@ -93,8 +96,9 @@ def run(arguments: argparse.Namespace) -> int:
     weights = _weights(arguments.weights, beam)
     if arguments.animate and not weights.is_history:
         raise ValueError("--animate: expected --weights FILE.csv, found constant weights")
+    progress = weights.is_history and not arguments.no_progress
     history = shape_history(
-        beam, weights.values, weights.times, names=weights.names, progress=weights.is_history
+        beam, weights.values, weights.times, names=weights.names, progress=progress
     )
     print(_table(beam, history))
     if arguments.out:
@@ -118,7 +122,14 @@ def _figures(arguments: argparse.Namespace, beam: Beam, weights: _Weights) -> No
         figure = plotting.plot_shape(beam, weights.values[-1], both=both)
         plotting.save_figure(figure, arguments.plot)
     if arguments.animate:
-        plotting.animate_shape(beam, weights.times, weights.values, arguments.animate, both=both)
+        plotting.animate_shape(
+            beam,
+            weights.times,
+            weights.values,
+            arguments.animate,
+            both=both,
+            progress=not arguments.no_progress,
+        )
 
 
 def _table(beam: Beam, history: ShapeHistory) -> str:

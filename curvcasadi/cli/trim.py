@@ -15,6 +15,7 @@ from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.aircraft.trim import STANDARD_GRAVITY, trim_sweep
 from curvcasadi.aircraft.trim_problem import OBJECTIVES
 from curvcasadi.aircraft.trim_result import TrimResult
+from curvcasadi.cli.options import FIGURES, add_progress, output
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.files.aircraft import read_aircraft, read_density
 from curvcasadi.files.toml_reader import load_table
@@ -58,15 +59,14 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--hold", action="append", default=[], metavar="NAME=VALUE", help="N, rad")
     parser.add_argument("--free", action="append", default=[], choices=("sideslip", "roll"))
     parser.add_argument("--objective", choices=OBJECTIVES, help="what to make least")
-    parser.add_argument("--out", type=Path, metavar="FILE.csv", help="table")
-    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="trimmed wings")
+    parser.add_argument("--out", type=output(".csv"), metavar="FILE.csv", help="table")
+    parser.add_argument("--plot", type=output(*FIGURES), metavar="FILE.png", help="trimmed wings")
+    add_progress(parser)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Trim at every speed, print, and write what was asked for; returns the exit code."""
-    if arguments.out and arguments.out.suffix.lower() != ".csv":
-        raise ValueError(f"{arguments.out}: expected a file name that ends in .csv")
     speeds = [speed for text in arguments.speed for speed in _speeds(text)]
     file = load_table(arguments.aircraft)
     aircraft = read_aircraft(file)
@@ -86,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
             free=arguments.free,
             inputs=_held(arguments.hold, aircraft),
             objective=arguments.objective,
-            progress=len(speeds) > 1,
+            progress=len(speeds) > 1 and not arguments.no_progress,
         )
     except ValueError as error:
         raise ValueError(_by_options(str(error))) from None

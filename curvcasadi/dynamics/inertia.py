@@ -54,6 +54,15 @@ def inertial_mesh(beam: Beam, loads: Sequence[Any]) -> Mesh:
     return loaded_mesh(beam, [*loads, *weight])
 
 
+def total_mass(beam: Beam) -> AnyExpr:
+    """Mass of a beam with its bodies, kg, integrated as its weight is."""
+    section, mass = beam.section, sum((body.mass for body in beam.bodies), 0.0)
+    if section is None or section.mass_per_length is None:
+        return mass
+    mesh = inertial_mesh(beam, ())
+    return sum((site.measure * section.mass_at(site.xi) for site in sites(beam, mesh)), mass)
+
+
 def station_inertias(beam: Beam, mesh: Mesh) -> StationInertias:
     """Inertia of the section, integrated over the panels of `mesh`, and of the bodies.
 

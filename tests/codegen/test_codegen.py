@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import os
-import re
 import runpy
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,8 +13,6 @@ import pytest
 import curvcasadi as cc
 from codegen import benchmark_functions as functions
 from codegen import budgets, map_file, toolchain
-from codegen.generate import generate, main
-from curvcasadi.export import run_check
 
 ROOT = Path(__file__).parents[2]
 
@@ -136,92 +132,6 @@ def test_a_missing_tool_is_named_with_its_package(module, tmp_path, monkeypatch,
     assert end.value.code == 2
     assert "arm-none-eabi-gcc is missing (Debian: apt-get install" in said
     assert "qemu-system-arm" in said
-
-
-def test_the_generator_writes_c_of_a_wing_file_that_agrees_with_python(tmp_path):
-    beam = cc.load_beam(ROOT / "ocp_examples" / "hale_wing.toml")
-    beam = replace(beam, grid=replace(beam.grid, real="float"))
-    assert set(generate(beam, tmp_path)["functions"]) == {"tip", "shape_target", "tip_path_step"}
-    # Rounding of single precision, over the length, and what it makes of a solver's last step.
-    assert max(run_check(tmp_path, optimization="-O0").values()) <= 1e-3
-
-
-HALE = (ROOT / "ocp_examples" / "hale_wing.toml").read_text()
-
-
-@pytest.fixture
-def program(tmp_path, monkeypatch, capsys):
-    """Runs the generator on the text of a wing file: its exit code and what it says of errors."""
-
-    def run(text, *options):
-        wing = tmp_path / "wing.toml"
-        wing.write_text(text)
-        arguments = ["generate.py", str(wing), "--out", str(tmp_path / "c"), *options]
-        monkeypatch.setattr(sys, "argv", arguments)
-        monkeypatch.setattr("codegen.generate.STAGES", 2)  # of the MPC; less to compile
-        return main(), capsys.readouterr().err
-
-    return run
-
-
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("weight_bounds = 0.15", ""),
-        ("weight_bounds = 0.15", "weight_bounds = 8.6"),
-        ("weight_bounds = 0.15", "weight_bounds = 1e-3"),
-        ("elements = 16", "elements = 5"),
-        ("length = 16.0", "length = 0.5"),
-        ('n = 4 }\nin_plane = { family = "legendre", n = 2 }', "n = 1 }"),
-    ],
-    ids=["unbounded", "wide", "narrow", "coarse", "short", "few weights"],
-)
-def test_the_generator_finds_shapes_to_test_within_the_limits_of_a_wing(
-    program, tmp_path, old, new
-):
-    assert old in HALE
-    assert program(HALE.replace(old, new)) == (0, "")
-    assert max(run_check(tmp_path / "c", optimization="-O0").values()) <= 1e-3
-
-
-@pytest.mark.parametrize(
-    ("text", "options", "message"),
-    [
-        (
-            HALE,
-            ["--max-angle", "0"],
-            r"Grid\.max_angle: expected an angle in \(0, π\] rad",
-        ),
-        (
-            HALE.replace("= 0.15", "= { lower = 5, upper = 8 }"),
-            [],
-            r"expected a grid whose elements",
-        ),
-        (
-            HALE.replace("\nlength", "\nspan"),
-            [],
-            r"\[beam\] span: expected one of",
-        ),
-    ],
-    ids=["no angle", "bent bounds", "unknown key"],
-)
-def test_the_generator_says_in_a_line_what_it_cannot_do(program, text, options, message):
-    code, said = program(text, *options)
-    assert code == 2
-    assert re.fullmatch(rf"generate: error: .*{message}.*\n", said), said
-
-
-def test_the_generator_is_a_program(tmp_path):
-    missing = str(tmp_path / "none.toml")
-    done = subprocess.run(
-        [sys.executable, "codegen/generate.py", missing],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert done.stderr.startswith(f"generate: error: {missing}: expected a readable file")
 
 
 def test_all_functions_of_64_elements_are_short_enough_for_gcc(tmp_path):

@@ -1,0 +1,60 @@
+"""What options of several commands have in common."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from curvcasadi.symbolic.expressions import Array
+
+TABLES = (".csv", ".npz")
+FIGURES = (".png", ".svg", ".pdf")
+ANIMATIONS = (".gif", ".mp4")
+
+
+def output(*endings: str) -> Callable[[str], Path]:
+    """The type of an option that names a file to write, checked before anything is computed."""
+
+    def check(text: str) -> Path:
+        path = Path(text)
+        if path.suffix.lower() not in endings:
+            raise argparse.ArgumentTypeError(
+                f"expected a file name that ends in {' or '.join(endings)}, found {text!r}"
+            )
+        if path.is_dir() or not path.parent.is_dir():
+            missing = "a folder" if path.is_dir() else f"no folder {path.parent}"
+            raise argparse.ArgumentTypeError(f"expected a file to write, found {missing}")
+        return path
+
+    return check
+
+
+def add_progress(parser: Any) -> None:
+    """Add --no-progress."""
+    parser.add_argument("--no-progress", action="store_true", help="no progress bar")
+
+
+def vector(text: str) -> Array:
+    """The type of an option that holds three numbers."""
+    try:
+        values = np.array([float(entry) for entry in text.split(",")])
+    except ValueError:
+        values = np.array([])
+    if values.shape != (3,) or not np.all(np.isfinite(values)):
+        raise argparse.ArgumentTypeError(f"expected three numbers x,y,z, found {text!r}")
+    return values
+
+
+def station(text: str) -> float:
+    """The type of an option that holds a station s/L."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value <= 1:
+        raise argparse.ArgumentTypeError(f"expected a station s/L from 0 to 1, found {text!r}")
+    return value

@@ -334,8 +334,11 @@ class TestErrors:
     @pytest.mark.parametrize("option", ["--out", "--plot"])
     def test_a_missing_directory_is_named(self, capsys, tmp_path, option):
         path = tmp_path / "no" / ("p.csv" if option == "--out" else "p.png")
-        message = refused(capsys, HALE_WING, option, path)
-        assert message == f"{path}: No such file or directory"
+        with pytest.raises(SystemExit) as stop:
+            main(["shape", HALE_WING, option, str(path)])
+        assert stop.value.code == 2
+        message = f"{option}: expected a file to write, found no folder {path.parent}"
+        assert message in capsys.readouterr().err
 
     def test_constant_weights_are_no_animation(self, capsys, tmp_path):
         message = refused(capsys, HALE_WING, "--animate", tmp_path / "wing.gif")

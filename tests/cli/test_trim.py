@@ -237,10 +237,6 @@ def test_too_many_free_inputs_are_refused_with_the_options_that_help(capsys, fla
     assert "hold others by --hold, or give --objective" in message
 
 
-def test_another_ending_than_csv_is_refused(capsys):
-    message = refused(capsys, "--speed", 25, "--out", "trim.xlsx")
-    assert message == "trim.xlsx: expected a file name that ends in .csv"
-
 
 def test_a_wrong_file_is_refused_with_its_key(capsys, tmp_path):
     path = tmp_path / "aircraft.toml"

@@ -237,7 +237,6 @@ def test_too_many_free_inputs_are_refused_with_the_options_that_help(capsys, fla
     assert "hold others by --hold, or give --objective" in message
 
 
-
 def test_a_wrong_file_is_refused_with_its_key(capsys, tmp_path):
     path = tmp_path / "aircraft.toml"
     path.write_text(Path(HALE_AIRCRAFT).read_text().replace("mass = 50.0", "mas = 50.0"))

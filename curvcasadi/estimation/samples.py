@@ -9,37 +9,31 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from curvcasadi.sensors import AttitudeSensor, Channels, Sensor, sensor_channels
+from curvcasadi.sensors import Channels, Sensor, sensor_channels
 from curvcasadi.symbolic.expressions import (
     Array,
     Number,
     expression,
-    is_rotation,
     numbers,
     numeric,
     rotation_matrix,
 )
 
-#: In place of an attitude that is missing: the identity by columns, whose logarithm is finite.
-_ATTITUDE = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-
 
 def samples_function(sensors: Sequence[Sensor]) -> ca.Function:
     """measured (m, 1) -> samples (m, 1) without NaN, and seen (r, 1): 1, or 0 where one is missing.
 
-    An attitude is there as a whole or not at all; one that `is_rotation` denies is not. A number
-    is below zero or not; NaN is neither, as comparisons with it are false in C, too. The selection
-    guards no derivative, and none is taken.
+    `Sensor.present` says what is there, of a whole sample or entry by entry. The selection guards
+    no derivative, and none is taken.
     """
     layout = sensor_channels(sensors).layout
     measured = ca.SX.sym("measured", layout.size)
     samples, seen = [], []
-    there: Any
     for sensor, values in zip(sensors, layout.split(measured).values(), strict=True):
-        if isinstance(sensor, AttitudeSensor):
-            there, instead = ca.repmat(is_rotation(values), 9, 1), ca.DM(_ATTITUDE)
-        else:
-            there, instead = ca.logic_or(values < 0, values >= 0), ca.DM.zeros(values.shape)
+        there: Any = sensor.present(values)
+        if sensor.whole:
+            there = ca.repmat(there, values.numel(), 1)
+        instead = ca.DM(sensor.stand_in or [0.0] * values.numel())
         samples.append(ca.if_else(there, values, instead))
         seen.append(there[: len(sensor.residual_components)])
     outputs = [ca.vertcat(*samples), ca.vertcat(*seen)]
@@ -56,25 +50,25 @@ def or_zero(size: int) -> ca.Function:
 
 
 def attitudes_function(sensors: Sequence[Sensor]) -> ca.Function:
-    """measured (m, 1) -> the same with NaN for attitudes that `is_rotation` denies."""
+    """measured (m, 1) -> the same with NaN for what is there as a whole, and is not."""
     layout = sensor_channels(sensors).layout
     measured = ca.SX.sym("measured", layout.size)
     samples = []
     for sensor, values in zip(sensors, layout.split(measured).values(), strict=True):
-        wrong = isinstance(sensor, AttitudeSensor)
-        samples.append(values + ca.sqrt(is_rotation(values) - 1) if wrong else values)
+        wrong = ca.sqrt(sensor.present(values) - 1) if sensor.whole else 0
+        samples.append(values + wrong)
     return ca.Function("attitudes", [measured], [ca.vertcat(*samples)], {"cse": True})
 
 
 def missing_residuals(channels: Channels, values: Array) -> NDArray[np.bool_]:
-    """Which residuals (r,) `values` (m,) have no sample of: of an attitude all three or none."""
+    """Which residuals (r,) `values` (m,) have no sample of: of a whole sample all or none."""
     where, found = channels.layout.slices, [np.zeros(0, bool)]
-    for part, residual in zip(channels.layout.parts, channels.residual_layout.parts, strict=True):
-        given = values[where[part.name]]
-        if part.size == residual.size:
-            found.append(np.isnan(given))
-        else:
-            found.append(np.full(residual.size, not float(is_rotation(ca.DM(given)))))
+    for part, sensor in zip(channels.layout.parts, channels.sensors, strict=True):
+        missing = np.isnan(values[where[part.name]])
+        if sensor.whole:
+            there = bool(sensor.present(ca.DM(values[where[part.name]])))
+            missing = np.full(len(sensor.residual_components), not there)
+        found.append(missing)
     return np.concatenate(found)
 
 

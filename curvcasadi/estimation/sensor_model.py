@@ -12,7 +12,6 @@ import numpy as np
 from curvcasadi.beam.beam import Beam, remembered
 from curvcasadi.estimation.samples import missing_residuals, numbers_or_nan
 from curvcasadi.sensors import (
-    AttitudeSensor,
     Channels,
     RootMotion,
     Sensor,
@@ -20,7 +19,6 @@ from curvcasadi.sensors import (
     sensor_channels,
 )
 from curvcasadi.sensors.channels import checked_sensors
-from curvcasadi.sensors.station import mount_fields
 from curvcasadi.symbolic.expressions import (
     Array,
     Number,
@@ -28,7 +26,6 @@ from curvcasadi.symbolic.expressions import (
     is_numeric,
     numbers,
     numeric,
-    rotation_matrix,
     symmetric,
 )
 
@@ -110,7 +107,7 @@ def check_numeric(beam: Beam, sensors: Sequence[Sensor]) -> None:
     """ValueError that names a field of the beam or a sensor that holds symbols."""
     symbols = {**beam.design_symbols}
     for i, sensor in enumerate(sensors):
-        for key, value in mount_fields(sensor).items():
+        for key, value in sensor.mount().items():
             if not is_numeric(value):
                 symbols[f"sensors[{i}].{key}"] = value
     for name, symbol in symbols.items():
@@ -154,10 +151,9 @@ def measured_values(model: SensorModel, measurements: Any) -> Array:
         found = np.concatenate([_by_name(measurements, part) for part in layout.parts])
     split = model.split(found)
     for i, (part, sensor) in enumerate(zip(layout.parts, model.sensors, strict=True)):
-        if isinstance(sensor, AttitudeSensor) and np.all(np.isfinite(split[i])):
-            matrix = split[i].reshape(3, 3, order="F")
-            rotation = rotation_matrix(f"measurements of {part.name}", matrix)
-            split[i] = rotation.full().ravel(order="F")
+        if np.all(np.isfinite(split[i])):
+            sample = sensor.checked_sample(f"measurements of {part.name}", ca.DM(split[i]))
+            split[i] = sample.full().ravel()
     return np.concatenate(split)
 
 

@@ -9,7 +9,6 @@ from curvcasadi.sensors.kinds import (
     Magnetometer,
     Marker,
     RateGyro,
-    Sensor,
     ShearGauge,
     StrainGauge,
 )
@@ -19,15 +18,19 @@ from curvcasadi.sensors.measurement import (
     measurement_function,
     measurement_residual,
 )
+from curvcasadi.sensors.sensor import CurvatureSensor, Frames, Mount, Sensor, point
 
 __all__ = [
     "Accelerometer",
     "AttitudeSensor",
     "Camera",
     "Channels",
+    "CurvatureSensor",
+    "Frames",
     "Magnetometer",
     "Marker",
     "Measurement",
+    "Mount",
     "RateGyro",
     "RootMotion",
     "Sensor",
@@ -36,5 +39,6 @@ __all__ = [
     "measure",
     "measurement_function",
     "measurement_residual",
+    "point",
     "sensor_channels",
 ]

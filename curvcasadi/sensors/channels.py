@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from curvcasadi.sensors.kinds import Sensor, deviations
+from curvcasadi.sensors.sensor import Sensor
 from curvcasadi.symbolic.expressions import Array
 from curvcasadi.symbolic.layout import Layout, Part
 
@@ -21,6 +22,7 @@ class Channels:
     of a rotation matrix by columns, a residual a rotation vector.
     """
 
+    sensors: tuple[Sensor, ...]
     layout: Layout  #: a part per sensor, by its name, of the values
     residual_layout: Layout  #: the same of the residuals
     labels: tuple[str, ...]  #: one per value: name of the sensor and component
@@ -52,6 +54,7 @@ def sensor_channels(sensors: Sequence[Sensor]) -> Channels:
     for label in [label for label, times in labels.items() if times > 1]:
         raise ValueError(f"sensors: expected different labels, found {label!r} twice in {names}")
     return Channels(
+        sensors=sensors,
         layout=Layout(tuple(Part(n, len(s.components), s.unit) for n, s in named)),
         residual_layout=Layout(
             tuple(Part(n, len(s.residual_components), s.residual_unit) for n, s in named)
@@ -62,7 +65,7 @@ def sensor_channels(sensors: Sequence[Sensor]) -> Channels:
         ),
         units=tuple(s.unit for s in sensors for _ in s.components),
         residual_units=tuple(s.residual_unit for s in sensors for _ in s.residual_components),
-        noise=np.concatenate([deviations(s) for s in sensors]),
+        noise=np.concatenate([_noise(s) for s in sensors]),
     )
 
 
@@ -79,6 +82,11 @@ def checked_sensors(sensors: Sequence[Sensor]) -> tuple[Sensor, ...]:
                 f"sensors[{i}]: expected a sensor such as RateGyro(...), found {sensor!r}"
             )
     return checked
+
+
+def _noise(sensor: Any) -> Array:
+    """Standard deviation of one sample of each residual, its `residual_unit`."""
+    return np.asarray(sensor.noise)
 
 
 def _names(sensors: tuple[Sensor, ...]) -> list[str]:

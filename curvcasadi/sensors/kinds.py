@@ -1,97 +1,34 @@
-"""Sensors on a wing: where they sit, how they are mounted, and how noisy they are.
-
-A sensor sits at the station `xi`, at `offset` from the reference curve in local axes, and its own
-axes are turned by `mounting`, which takes sensor components to local ones. Noise is white, and
-independent between samples, axes and sensors. `offset`, `mounting`, `pose` and `bias` may be
-symbols; `bias` adds to what an ideal sensor reads.
-"""
+"""The kinds of sensors: what each reads, and the derivatives of it in closed form."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from math import sqrt
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam.pose import Pose, checked_pose
-from curvcasadi.symbolic.expressions import (
-    AnyExpr,
-    Array,
-    Number,
-    choice,
-    expression,
-    function_name,
-    numbers,
-    own_fields,
-    positive,
-    rotation_matrix,
-    station,
+from curvcasadi.beam.pose import Pose
+from curvcasadi.kinematics.motion import StationMotion
+from curvcasadi.lie import so3
+from curvcasadi.sensors.sensor import (
+    XYZ,
+    CurvatureSensor,
+    Frames,
+    Mount,
+    Sensor,
+    point,
+    point_in_parent,
+    point_in_parent_by_q,
+    sensor_axes,
+    world_in_parent,
 )
+from curvcasadi.symbolic.expressions import AnyExpr, Array, Number, is_rotation, rotation_matrix
 
-XYZ = ("x", "y", "z")
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Sensor:
-    """What all kinds of sensors have in common; it measures nothing itself."""
-
-    xi: float  #: station s/L
-    name: str | None = None  #: begins its labels; None for "gyro_1" and so on
-
-    prefix: ClassVar[str] = "sensor"  #: of the names of unnamed sensors
-    components: ClassVar[tuple[str, ...]] = ()  #: of the value; ("",) of a scalar
-    unit: ClassVar[str] = ""  #: of the value
-    residual_components: ClassVar[tuple[str, ...]] = ()  #: of prediction against measurement
-    residual_unit: ClassVar[str] = ""
-    offset_size: ClassVar[int] = 3
-    order: ClassVar[int] = 0  #: 0: reads the shape, 1: and its rate, 2: and its acceleration
-
-    def __post_init__(self) -> None:
-        own_fields(self)
-        size = len(self.residual_components)
-        for entry in fields(self):
-            where = f"{type(self).__name__}.{entry.name}"
-            value = self._checked(entry.name, where, getattr(self, entry.name), size)
-            object.__setattr__(self, entry.name, value)
-
-    def _checked(self, field_name: str, where: str, value: Any, size: int) -> Any:
-        """The value of a field, or a ValueError that names it."""
-        match field_name:
-            case "xi":
-                return station(where, value)
-            case "name":
-                return value if value is None else function_name(where, value)
-            case "offset":
-                return expression(where, value, (self.offset_size, 1))
-            case "mounting":
-                return rotation_matrix(where, value)
-            case "pose":
-                return checked_pose(where, value)
-            case "bias":
-                return expression(where, np.zeros(size) if value is None else value, (size, 1))
-            case "reference":
-                return choice(where, value, REFERENCES)
-            case "rate":
-                return float(positive_numbers(where, value, 1)[0])
-        return positive_numbers(where, value, size)
-
-
-def positive_numbers(where: str, value: Number, size: int) -> Array:
-    """One number above zero for all entries, or one for each: (size,)."""
-    array = numbers(where, value).ravel()
-    if array.size not in (1, size):
-        expected = "1 number" if size == 1 else f"1 number or {size}"
-        raise ValueError(f"{where}: expected {expected}, found {array.size}")
-    for entry in array:
-        positive(where, entry)
-    return np.array(np.broadcast_to(array, (size,)))
-
-
-def deviations(sensor: Any) -> Array:
-    """Standard deviation of one sample of each residual of `sensor`, its `residual_unit`."""
-    return np.asarray(sensor.noise)
+#: What no camera sees lies further from its optical axis: tangent of the angle, 89.94°. A bearing
+#: is no number from there on to behind the camera.
+WIDEST = 1e3
 
 
 def _origin() -> AnyExpr:
@@ -152,6 +89,17 @@ class RateGyro(_Sampled):
     unit = residual_unit = "rad/s"
     order = 1
 
+    @classmethod
+    def value(cls, at: StationMotion, frames: Frames, mount: Mount) -> Any:
+        return sensor_axes(at, mount) @ at.twist[:3] + mount.bias
+
+    @classmethod
+    def slopes(cls, at: StationMotion, frames: Frames, mount: Mount) -> dict[str, Any]:
+        to_sensor = sensor_axes(at, mount)
+        (a, _), (a_t, _), *_ = at.sums
+        by_twist = ca.horzcat(to_sensor, ca.DM.zeros(3, 3))
+        return {"q": to_sensor @ a_t, "q_dot": to_sensor @ a, "twist": by_twist}
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Accelerometer(_Sampled):
@@ -181,6 +129,35 @@ class Accelerometer(_Sampled):
     prefix = "accelerometer"
     unit = residual_unit = "m/s²"
     order = 2
+    world = "gravity"
+
+    @classmethod
+    def value(cls, at: StationMotion, frames: Frames, mount: Mount) -> Any:
+        *_, acceleration = point(at, mount.offset)
+        gravity = frames.root_rotation.T @ world_in_parent(frames)
+        return sensor_axes(at, mount) @ (acceleration - gravity) + mount.bias
+
+    @classmethod
+    def slopes(cls, at: StationMotion, frames: Frames, mount: Mount) -> dict[str, Any]:
+        """With γ gravity and f = Rᵀ (P_tt − γ):
+
+        f_q = Rᵀ (B_tt + A_tt × P + 2 A_t × P_t + A × γ)
+        """
+        to_sensor = sensor_axes(at, mount)
+        (a, b), (a_t, b_t), (a_tt, b_tt) = at.sums
+        position, velocity, _ = point(at, mount.offset)
+        in_parent = world_in_parent(frames)
+        gravity = so3.hat(frames.root_rotation.T @ in_parent)
+        p, v = so3.hat(position), so3.hat(velocity)
+        omega_0, v_0 = so3.hat(frames.twist[:3]), so3.hat(frames.twist[3:])
+        return {
+            "q": to_sensor @ (b_tt - p @ a_tt - 2 * (v @ a_t) - gravity @ a),
+            "q_dot": to_sensor @ (2 * (b_t - p @ a_t - v @ a)),
+            "q_ddot": to_sensor @ (b - p @ a),
+            "attitude": -to_sensor @ frames.root_rotation.T @ so3.hat(in_parent),
+            "twist": to_sensor @ ca.horzcat(v_0 - 2 * v - p @ omega_0, omega_0),
+            "twist_rate": to_sensor @ ca.horzcat(-p, ca.DM.eye(3)),
+        }
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -209,6 +186,21 @@ class Magnetometer(_Sampled):
 
     prefix = "magnetometer"
     unit = residual_unit = "T"
+    world = "magnetic_field"
+
+    @classmethod
+    def value(cls, at: StationMotion, frames: Frames, mount: Mount) -> Any:
+        field = frames.root_rotation.T @ world_in_parent(frames)
+        return sensor_axes(at, mount) @ field + mount.bias
+
+    @classmethod
+    def slopes(cls, at: StationMotion, frames: Frames, mount: Mount) -> dict[str, Any]:
+        to_sensor, in_parent = sensor_axes(at, mount), world_in_parent(frames)
+        a, _ = at.sums[0]
+        return {
+            "q": to_sensor @ so3.hat(frames.root_rotation.T @ in_parent) @ a,
+            "attitude": to_sensor @ frames.root_rotation.T @ so3.hat(in_parent),
+        }
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -240,14 +232,46 @@ class AttitudeSensor(Sensor):
     components = tuple(f"R_{row}{column}" for column in XYZ for row in XYZ)
     residual_components = XYZ
     unit, residual_unit = "1", "rad"
+    whole = True
+    stand_in = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)  # the logarithm there is finite
 
+    @classmethod
+    def value(cls, at: StationMotion, frames: Frames, mount: Mount) -> Any:
+        in_parent = frames.root_rotation @ at.rotation @ mount.mounting
+        return ca.vec(frames.attitude @ in_parent @ so3.exp(mount.bias))
 
-#: Shapes at which a gauge may read zero.
-REFERENCES = ("unloaded", "straight")
+    @classmethod
+    def slopes(cls, at: StationMotion, frames: Frames, mount: Mount) -> dict[str, Any]:
+        to_sensor = so3.exp(mount.bias).T @ sensor_axes(at, mount)
+        a, _ = at.sums[0]
+        return {"q": to_sensor @ a, "attitude": to_sensor @ frames.root_rotation.T}
+
+    @classmethod
+    def residual(cls, value: Any, measured: Any) -> Any:
+        """log(R_measuredᵀ R).
+
+        An attitude of a few digits is orthonormalized by one Newton step: of errors of 1e-3 it
+        leaves 1e-6.
+        """
+        desired: Any = ca.reshape(measured, 3, 3)
+        return so3.log_error(ca.reshape(value, 3, 3), so3.orthonormal(desired))
+
+    @classmethod
+    def residual_by_variation(cls, residual: Any) -> Any:
+        return so3.right_jacobian_inverse(residual)
+
+    @classmethod
+    def present(cls, values: Any) -> Any:
+        return is_rotation(values)
+
+    @classmethod
+    def checked_sample(cls, name: str, values: ca.DM) -> ca.DM:
+        rotation: Any = rotation_matrix(name, ca.reshape(values, 3, 3))
+        return ca.DM(rotation[:])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class StrainGauge(Sensor):
+class StrainGauge(CurvatureSensor):
     """Axial strain at a point (y, z) of the section: ε = κ_y z − κ_z y with κ = K − K_0.
 
     A gauge that is bonded to the unloaded wing reads zero there, pre-curved or not, and what it
@@ -274,16 +298,19 @@ class StrainGauge(Sensor):
     offset: Number  #: (y, z), m, local axes
     noise: Number  #: standard deviation of one sample, m/m
     bias: Number = None  #: m/m; zero where None
-    reference: Literal["unloaded", "straight"] = "unloaded"  #: shape at which it reads zero
 
     prefix = "strain"
     components = residual_components = ("",)
     unit = residual_unit = "1"
-    offset_size = 2
+    shapes: ClassVar[dict[str, tuple[int, int]]] = {"offset": (2, 1)}
+
+    def factors(self) -> AnyExpr:
+        offset: AnyExpr = self.offset
+        return ca.horzcat(0, offset[1], -offset[0])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ShearGauge(Sensor):
+class ShearGauge(CurvatureSensor):
     """Elastic torsion K_x − K_0x, rad/m: shear strain over the distance from the axis of twist.
 
     With `reference="straight"` it reads K_x, built-in twist included.
@@ -305,11 +332,13 @@ class ShearGauge(Sensor):
 
     noise: Number  #: standard deviation of one sample, rad/m
     bias: Number = None  #: rad/m; zero where None
-    reference: Literal["unloaded", "straight"] = "unloaded"  #: shape at which it reads zero
 
     prefix = "shear"
     components = residual_components = ("",)
     unit = residual_unit = "rad/m"
+
+    def factors(self) -> AnyExpr:
+        return ca.DM([[1, 0, 0]])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -339,6 +368,19 @@ class Marker(Sensor):
     prefix = "marker"
     components = residual_components = XYZ
     unit = residual_unit = "m"
+
+    @classmethod
+    def value(cls, at: StationMotion, frames: Frames, mount: Mount) -> Any:
+        point = point_in_parent(at, frames, mount)
+        return frames.position + frames.attitude @ point + mount.bias
+
+    @classmethod
+    def slopes(cls, at: StationMotion, frames: Frames, mount: Mount) -> dict[str, Any]:
+        return {
+            "q": frames.attitude @ point_in_parent_by_q(at, frames, mount),
+            "attitude": -frames.attitude @ so3.hat(point_in_parent(at, frames, mount)),
+            "position": ca.DM.eye(3),
+        }
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -374,4 +416,30 @@ class Camera(Sensor):
 
     prefix = "camera"
     components = residual_components = ("u", "v")
+    may_be_hidden = True
     unit = residual_unit = "1"
+
+    @classmethod
+    def in_view(cls, at: StationMotion, frames: Frames, mount: Mount) -> Any:
+        """1 if a camera sees the point, z > 0 and |(x, y)| < 1e3 z, else 0."""
+        point = in_camera(at, frames, mount)
+        return (point[2] > 0) * (ca.sumsqr(point[:2]) < (WIDEST * point[2]) ** 2)
+
+    @classmethod
+    def value(cls, at: StationMotion, frames: Frames, mount: Mount) -> Any:
+        """(x, y)/z, and NaN, a root of −1, of what is not in view."""
+        point = in_camera(at, frames, mount)
+        return point[:2] / point[2] + ca.sqrt(cls.in_view(at, frames, mount) - 1) + mount.bias
+
+    @classmethod
+    def slopes(cls, at: StationMotion, frames: Frames, mount: Mount) -> dict[str, Any]:
+        """(x/z)' = (x' − (x/z) z')/z."""
+        point = in_camera(at, frames, mount)
+        projection = ca.horzcat(ca.DM.eye(2), -point[:2] / point[2]) / point[2]
+        by_q = point_in_parent_by_q(at, frames, mount)
+        return {"q": projection @ mount.pose[:, :3].T @ by_q}
+
+
+def in_camera(at: StationMotion, frames: Frames, mount: Mount) -> Any:
+    point = point_in_parent(at, frames, mount)
+    return mount.pose[:, :3].T @ (point - mount.pose[:, 3])

@@ -13,11 +13,10 @@ from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.pose import Pose
 from curvcasadi.kinematics.root_motion import ROOT_INPUTS, RootMotion, numeric_root
 from curvcasadi.kinematics.shape import poses
-from curvcasadi.sensors import station as station_functions
 from curvcasadi.sensors.channels import Channels, checked_sensors, sensor_channels
-from curvcasadi.sensors.kinds import AttitudeSensor, Camera, Sensor
-from curvcasadi.sensors.readings import WIDEST
+from curvcasadi.sensors.kinds import WIDEST, Camera
 from curvcasadi.sensors.readout import Readout
+from curvcasadi.sensors.sensor import Sensor
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
@@ -26,7 +25,6 @@ from curvcasadi.symbolic.expressions import (
     function_name,
     instance,
     is_numeric,
-    rotation_matrix,
     same_kind,
 )
 from curvcasadi.symbolic.functions import function
@@ -170,11 +168,10 @@ def measurement_residual(
     same_kind(measured=measured, values=predicted.values)
     found, given = layout.split(predicted.values), layout.split(measured)
     for sensor, part in zip(sensors, layout.parts, strict=True):
-        if isinstance(sensor, AttitudeSensor) and is_numeric(given[part.name]):
-            rotation = ca.reshape(given[part.name], 3, 3)
-            given[part.name] = ca.vec(rotation_matrix(f"measured of {part.name}", rotation))
+        if is_numeric(given[part.name]):
+            given[part.name] = sensor.checked_sample(f"measured of {part.name}", given[part.name])
     rows = [
-        station_functions.residual(type(sensor), found[part.name], given[part.name])
+        sensor.residual(found[part.name], given[part.name])
         for sensor, part in zip(sensors, layout.parts, strict=True)
     ]
     return ca.vertcat(*rows)

@@ -16,11 +16,9 @@ from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.kinematics.shape import curvature
 from curvcasadi.kinematics.weights import checked_weights
 from curvcasadi.sensors.channels import Channels, checked_sensors, sensor_channels
-from curvcasadi.sensors.kinds import Sensor, ShearGauge, StrainGauge
-from curvcasadi.sensors.readings import READINGS
+from curvcasadi.sensors.sensor import CurvatureSensor, Sensor
 from curvcasadi.sensors.station import (
     derivative_function,
-    mount_fields,
     row_function,
     value_function,
 )
@@ -64,7 +62,7 @@ class Readout:
         symbols = {}
         for part, sensor in zip(channels.layout.parts, sensors, strict=True):
             _check_world(part.name, sensor, root)
-            for name, value in mount_fields(sensor).items():
+            for name, value in sensor.mount().items():
                 if not is_numeric(value):
                     symbols[f"{part.name}.{name}"] = value
         kind = same_kind(q=q, **rates, **beam.design_symbols, **root.symbols, **symbols)
@@ -81,7 +79,7 @@ class Readout:
         states = self._states(jacobian=False, order=self.order)
         rows = []
         for sensor in self.sensors:
-            if _is_gauge(sensor):
+            if isinstance(sensor, CurvatureSensor):
                 rows.append(self._gauge(sensor))
             else:
                 state = states[sensor.xi][: 12 + 6 * sensor.order]
@@ -105,7 +103,7 @@ class Readout:
         found = []
         for part, sensor in zip(self.channels.layout.parts, self.sensors, strict=True):
             given = measured[part.name]
-            if _is_gauge(sensor):
+            if isinstance(sensor, CurvatureSensor):
                 value = self._gauge(sensor)
                 found.append([value, value - given, *self._gauge_slopes(sensor, columns)])
                 continue
@@ -134,10 +132,10 @@ class Readout:
         found = []
         for part, sensor in zip(self.channels.layout.parts, self.sensors, strict=True):
             given = measured[part.name]
-            if _is_gauge(sensor):
+            if isinstance(sensor, CurvatureSensor):
                 slopes = self._gauge_slopes(sensor, columns)
-                row = ca.horzcat(*slopes, self._gauge(sensor) - given)
-                found.append([row.T])
+                rows = ca.horzcat(*slopes, self._gauge(sensor) - given).T
+                found.append(ca.horzsplit(rows))
                 continue
             read = row_function(_kind(sensor), order, n, tuple(columns.items()), still)
             extra = [rates, turned[sensor.xi]] if sensor.order > order else []
@@ -163,7 +161,8 @@ class Readout:
 
     def _states(self, jacobian: bool, order: int, span: int = 1) -> dict[float, AnyExpr]:
         """State of the march at each station that a sensor needs, by xi."""
-        stations = tuple(dict.fromkeys(s.xi for s in self.sensors if not _is_gauge(s)))
+        moving = [s for s in self.sensors if not isinstance(s, CurvatureSensor)]
+        stations = tuple(dict.fromkeys(sensor.xi for sensor in moving))
         if not stations:
             return {}
         beam_chain = chain.build(self.beam, stations)
@@ -174,7 +173,7 @@ class Readout:
     def _arguments(self, sensor: Sensor) -> tuple[AnyExpr, AnyExpr]:
         """Frames and mount of a sensor, stacked."""
         pose, root = self.root.pose, self.beam.root
-        world = getattr(self.root, READINGS[type(sensor)].world or "gravity")
+        world = getattr(self.root, sensor.world or "gravity")
         frames = ca.veccat(
             pose.rotation,
             pose.position,
@@ -183,39 +182,29 @@ class Readout:
             self.root.twist,
             ca.DM.zeros(3) if world is None else world,
         )
-        return frames, ca.veccat(*mount_fields(sensor).values())
+        return frames, ca.veccat(*sensor.mount().values())
 
-    def _gauge(self, sensor: Any) -> AnyExpr:
-        """Value of a strain gauge."""
+    def _gauge(self, sensor: CurvatureSensor) -> AnyExpr:
+        """Value of a sensor of curvature."""
         strained = curvature(self.beam, self.motion.q, sensor.xi)
         if sensor.reference == "unloaded":
             strained = ca.sparsify(ca.DM(self.beam.basis(sensor.xi))) @ self.motion.q  # K − K_0
-        return _gauge_factors(sensor) @ strained + sensor.bias
+        return sensor.factors() @ strained + sensor.bias
 
-    def _gauge_slopes(self, sensor: Any, columns: dict[str, int]) -> list[AnyExpr]:
-        """Derivatives (1, size) of it by what `columns` names: by all but q they are zero."""
-        by_q = _gauge_factors(sensor) @ ca.DM(self.beam.basis(sensor.xi))
-        return [by_q if name == "q" else ca.DM.zeros(1, size) for name, size in columns.items()]
-
-
-def _gauge_factors(sensor: Any) -> AnyExpr:
-    """Reading of a strain gauge per curvature (1, 3)."""
-    if isinstance(sensor, StrainGauge):
-        offset: AnyExpr = sensor.offset
-        return ca.horzcat(0, offset[1], -offset[0])
-    return ca.DM([[1, 0, 0]])
+    def _gauge_slopes(self, sensor: CurvatureSensor, columns: dict[str, int]) -> list[AnyExpr]:
+        """Derivatives (r, size) of it by what `columns` names: by all but q they are zero."""
+        by_q = sensor.factors() @ ca.DM(self.beam.basis(sensor.xi))
+        rows = by_q.shape[0]
+        return [by_q if name == "q" else ca.DM.zeros(rows, size) for name, size in columns.items()]
 
 
 def _kind(sensor: Sensor) -> Any:
+    """The class of a sensor, which mypy does not take for hashable."""
     return type(sensor)
 
 
-def _is_gauge(sensor: Sensor) -> bool:
-    return isinstance(sensor, (StrainGauge, ShearGauge))
-
-
 def _check_world(name: str, sensor: Sensor, root: RootMotion) -> None:
-    world = None if _is_gauge(sensor) else READINGS[type(sensor)].world
+    world = sensor.world
     if world is not None and getattr(root, world) is None:
         raise ValueError(
             f"RootMotion.{world}: expected shape (3, 1), inertial axes, for {name}; found None"

@@ -2,53 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 
-from curvcasadi.beam.pose import Pose
 from curvcasadi.kinematics.motion import StationMotion, unpack_motion
 from curvcasadi.lie import so3
-from curvcasadi.sensors.kinds import AttitudeSensor, Camera, Sensor
-from curvcasadi.sensors.readings import READINGS, Frames, Mount, in_view
-from curvcasadi.symbolic.expressions import AnyExpr
+from curvcasadi.sensors.sensor import Frames, Mount, Sensor
 
-#: Shapes of the fields of a sensor that may be symbols; that of a bias is its residual's.
-_MOUNT = {"offset": (3, 1), "mounting": (3, 3), "pose": (3, 4)}
 _FRAMES = (9, 3, 9, 3, 6, 3)
 
 
-def mount_fields(sensor: Sensor) -> dict[str, AnyExpr]:
-    """Fields of `sensor` that may be symbols, by name; a pose as (R, p), (3, 4)."""
-    found = {}
-    for entry in fields(sensor):
-        value = getattr(sensor, entry.name)
-        if isinstance(value, Pose):
-            value = ca.horzcat(value.rotation, value.position)
-        if entry.name in (*_MOUNT, "bias"):
-            found[entry.name] = value
-    return found
-
-
 @lru_cache(maxsize=64)
-def value_function(kind: Any) -> ca.Function:
+def value_function(kind: type[Sensor]) -> ca.Function:
     """(state, frames, mount) -> value (m, 1).
 
     The state is that of a march of the sensor's own order, without sums; frames are the fields of
-    `Frames`, and the mount is `mount_fields`, stacked.
+    `Frames`, and the mount is `Sensor.mount`, stacked.
     """
     state = ca.SX.sym("state", 12 + 6 * kind.order)
     frames, mount = ca.SX.sym("frames", sum(_FRAMES)), ca.SX.sym("mount", _mount_size(kind))
     at = unpack_motion(state, kind.order)
-    value = READINGS[kind].value(at, _unpack_frames(frames), _unpack_mount(kind, mount))
+    value = kind.value(at, _unpack_frames(frames), _unpack_mount(kind, mount))
     return ca.Function(f"read_{kind.prefix}", [state, frames, mount], [value], {"cse": True})
 
 
 @lru_cache(maxsize=256)
 def derivative_function(
-    kind: Any,
+    kind: type[Sensor],
     order: int,
     n: int,
     columns: tuple[tuple[str, int], ...],
@@ -65,7 +47,7 @@ def derivative_function(
 
 @lru_cache(maxsize=256)
 def row_function(
-    kind: Any, order: int, n: int, columns: tuple[tuple[str, int], ...], still: bool
+    kind: type[Sensor], order: int, n: int, columns: tuple[tuple[str, int], ...], still: bool
 ) -> ca.Function:
     """(state, frames, mount, measured) -> a row (columns + 1, 1) per residual.
 
@@ -87,7 +69,7 @@ def row_function(
     return ca.Function(f"read_{kind.prefix}", [state, *inputs], rows, {"cse": True})
 
 
-def _symbols(kind: Any, order: int, n: int) -> tuple[ca.SX, list[ca.SX], tuple[Any, ...]]:
+def _symbols(kind: type[Sensor], order: int, n: int) -> tuple[ca.SX, list[ca.SX], tuple[Any, ...]]:
     """State of a march with sums; frames, mount and sample; and what the first three mean."""
     state = ca.SX.sym("state", 12 + 6 * order + 6 * n * (order + 1))
     frames, mount = ca.SX.sym("frames", sum(_FRAMES)), ca.SX.sym("mount", _mount_size(kind))
@@ -97,7 +79,7 @@ def _symbols(kind: Any, order: int, n: int) -> tuple[ca.SX, list[ca.SX], tuple[A
 
 
 def _derivatives(
-    kind: Any,
+    kind: type[Sensor],
     columns: tuple[tuple[str, int], ...],
     measured: ca.SX,
     at: StationMotion,
@@ -105,18 +87,17 @@ def _derivatives(
     mount: Mount,
 ) -> list[ca.SX]:
     """Value, residual, and its derivatives, one per column set."""
-    value = READINGS[kind].value(at, frames, mount)
-    slopes = READINGS[kind].slopes(at, frames, mount)
+    value = kind.value(at, frames, mount)
+    slopes = kind.slopes(at, frames, mount)
     if "twist" in slopes:
         slopes["root_gyro_bias"] = -slopes["twist"][:, :3]  # taken off a twist that is measured
     rows = len(kind.residual_components)
-    error = residual(kind, value, measured)
-    by_variation = ca.DM.eye(rows)
-    if kind is AttitudeSensor:
-        there = ca.logic_or(error < 0, error >= 0)
-        by_variation = so3.right_jacobian_inverse(ca.if_else(there, error, 0))
-    if kind is Camera:
-        slopes["q"] = ca.if_else(in_view(at, frames, mount), slopes["q"], 0)
+    error = kind.residual(value, measured)
+    there = ca.logic_or(error < 0, error >= 0)
+    by_variation = kind.residual_by_variation(ca.if_else(there, error, 0))
+    if kind.may_be_hidden:
+        seen = kind.in_view(at, frames, mount)
+        slopes = {name: ca.if_else(seen, slope, 0) for name, slope in slopes.items()}
     blocks = [
         ca.densify(by_variation @ slopes[name]) if name in slopes else ca.SX.zeros(rows, size)
         for name, size in columns
@@ -160,35 +141,17 @@ def _ad(twist: ca.SX) -> ca.SX:
     return ca.blockcat([[omega, ca.SX(3, 3)], [v, omega]])
 
 
-def residual(kind: Any, value: AnyExpr, measured: AnyExpr) -> AnyExpr:
-    """Prediction minus measurement; of an attitude log(R_measuredᵀ R).
-
-    An attitude of a few digits is orthonormalized by one Newton step: of errors of 1e-3 it leaves
-    1e-6.
-    """
-    if kind is not AttitudeSensor:
-        return value - measured
-    predicted: Any = ca.reshape(value, 3, 3)
-    desired: Any = ca.reshape(measured, 3, 3)
-    return so3.log_error(predicted, so3.orthonormal(desired))
-
-
 def _unpack_frames(vector: ca.SX) -> Frames:
     parts = _split(vector, _FRAMES)
     return Frames(ca.reshape(parts[0], 3, 3), parts[1], ca.reshape(parts[2], 3, 3), *parts[3:])
 
 
-def _shapes(kind: Any) -> dict[str, tuple[int, int]]:
-    shapes = {**_MOUNT, "bias": (len(kind.residual_components), 1)}
-    return {entry.name: shapes[entry.name] for entry in fields(kind) if entry.name in shapes}
+def _mount_size(kind: type[Sensor]) -> int:
+    return sum(rows * columns for rows, columns in kind.mount_shapes().values())
 
 
-def _mount_size(kind: Any) -> int:
-    return sum(rows * columns for rows, columns in _shapes(kind).values())
-
-
-def _unpack_mount(kind: Any, vector: ca.SX) -> Mount:
-    shapes = _shapes(kind)
+def _unpack_mount(kind: type[Sensor], vector: ca.SX) -> Mount:
+    shapes = kind.mount_shapes()
     parts = _split(vector, tuple(rows * columns for rows, columns in shapes.values()))
     return Mount(
         **{

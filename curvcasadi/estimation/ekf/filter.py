@@ -28,7 +28,7 @@ from curvcasadi.estimation.words import ekf_words
 from curvcasadi.kinematics.root_motion import numeric_root, root_input_names
 from curvcasadi.sensors import Channels, RateGyro, RootMotion, Sensor, sensor_channels
 from curvcasadi.sensors.channels import checked_sensors
-from curvcasadi.sensors.kinds import positive_numbers
+from curvcasadi.sensors.sensor import positive_numbers
 from curvcasadi.symbolic.expressions import (
     Array,
     Number,

@@ -9,7 +9,7 @@ import casadi as ca
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.estimation.process import Process
-from curvcasadi.sensors import AttitudeSensor, Channels, RateGyro, RootMotion, Sensor
+from curvcasadi.sensors import Channels, RateGyro, RootMotion, Sensor
 from curvcasadi.sensors.readout import Readout
 from curvcasadi.symbolic.expressions import AnyExpr, Array
 
@@ -107,7 +107,7 @@ class Readings:
         return [
             Rows(
                 shared=bool(self.observation.unknown) and sensor.order >= order,
-                together=isinstance(sensor, AttitudeSensor),
+                together=sensor.whole,
                 rows=rows,
                 variance=noise[name].full()[:, 0] ** 2,
             )

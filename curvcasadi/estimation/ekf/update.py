@@ -11,7 +11,6 @@ from curvcasadi.estimation.process import DEGREE, Process
 from curvcasadi.estimation.samples import attitudes_function
 from curvcasadi.kinematics.root_motion import ROOT_INPUTS
 from curvcasadi.lie import so3
-from curvcasadi.sensors import AttitudeSensor
 from curvcasadi.symbolic.expressions import AnyExpr
 
 
@@ -28,7 +27,7 @@ def update_function(name: str, process: Process, observation: Observation) -> ca
     look, take = (_pass(process, observation, only) for only in (True, False))
     at, error = state, ca.MX(ca.DM.zeros(process.error.size))
     unknown = ca.MX(ca.DM.zeros(_unknowns(observation)))
-    if any(isinstance(sensor, AttitudeSensor) for sensor in observation.sensors):
+    if any(sensor.whole for sensor in observation.sensors):
         measured = attitudes_function(observation.sensors)(measured)
     if observation.unknown:
         unknown = look(error, factor, at, unknown, measured, *known.values())

@@ -9,7 +9,7 @@ import casadi as ca
 from curvcasadi.beam.beam import Beam
 from curvcasadi.estimation.samples import or_zero
 from curvcasadi.kinematics.root_motion import ROOT_INPUTS
-from curvcasadi.sensors import Camera, RootMotion, Sensor, measurement_function, sensor_channels
+from curvcasadi.sensors import RootMotion, Sensor, measurement_function, sensor_channels
 from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.layout import Layout
 
@@ -49,7 +49,7 @@ def sample_residual(
     found = read(**parts, **given, measured=inputs["samples"])
     weight = inputs["seen"] / ca.DM(channels.noise)
     residual = weight * found["residual"]
-    if any(isinstance(sensor, Camera) for sensor in sensors):
+    if any(sensor.may_be_hidden for sensor in sensors):
         residual = or_zero(residual.shape[0])(residual)
     slopes = ca.horzcat(*(found[f"residual_{key}"] for key in parts))
 

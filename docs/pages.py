@@ -113,7 +113,10 @@ def _run(block: Block, name: str, namespace: dict[str, Any]) -> None:
         Path(block.file).write_text(block.text, encoding="utf-8")
     if block.language == "python":
         # Line numbers of a traceback are those of the page.
-        exec(compile("\n" * (block.line - 1) + block.text, name, "exec"), namespace)
+        exec(
+            compile("\n" * (block.line - 1) + block.text, name, "exec", dont_inherit=True),
+            namespace,
+        )
     elif block.language == "shell":
         for command in block.text.replace("\\\n", " ").splitlines():
             _run_command(command.partition(" #")[0].strip())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import casadi as ca
 import numpy as np
@@ -426,6 +426,25 @@ def test_each_sensor_alone_has_its_derivatives(wing, sensor):
         a, b = np.array(value), np.array(by_chain)
         scale = np.abs(b).max(axis=1, keepdims=True)
         assert np.all(np.abs(a - b) <= 1e-12 * scale.max())  # rounding
+
+
+@pytest.mark.parametrize("sensor", [GYRO, MAGNETOMETER, MARKER], ids=lambda s: s.prefix)
+def test_slopes_by_ad_of_a_station_are_those_in_closed_form(beam, sensor):
+    class Plain(type(sensor)):
+        slopes = cc.Sensor.__dict__["slopes"]
+
+    values = {entry.name: getattr(sensor, entry.name) for entry in fields(sensor)}
+    inputs = [name for name in VARIABLES if name not in ("q_ddot", "twist_rate")]
+    found, expected = (
+        cc.measurement_function("f", [s], beam, inputs=inputs, root=moving_root())
+        for s in (Plain(**values), sensor)
+    )
+    at = {"q": CURLED_WEIGHTS, "q_dot": RATE, "attitude": POSE[:3, :3], "twist": TWIST}
+    at |= {"position": POSE[:3, 3], "measured": [0, 0, 0]}
+    for name in inputs:
+        key = f"residual_{name}"
+        scale = max(1e-300, float(ca.norm_inf(expected(**at)[key])))
+        assert_allclose(found(**at)[key], expected(**at)[key], rtol=0, atol=1e-13 * scale)
 
 
 def test_derivatives_of_a_mirrored_wing_and_of_a_broken_basis_equal_ad(wing):

@@ -16,7 +16,7 @@ test: $(VENV)/installed-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/mypy --strict --follow-imports=silent -p curvcasadi.lie -m curvcasadi.beam.basis -m curvcasadi.beam.families -m curvcasadi.beam.grid -m curvcasadi.symbolic.layout -m curvcasadi.symbolic.compiled
+	$(BIN)/mypy --strict --follow-imports=silent -p curvcasadi.symbolic -p curvcasadi.lie -p curvcasadi.beam -p curvcasadi.kinematics -p curvcasadi.solvers -p curvcasadi.loads -p curvcasadi.aero -p curvcasadi.statics
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2
 
 # While working: lint, and the tests that are not `slow`, those of folders and files that solve,

@@ -11,6 +11,7 @@ Its cost is linear in the number of elements. Nothing here depends on the beam's
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import overload
 
 import casadi as ca
 
@@ -21,9 +22,18 @@ from curvcasadi.kinematics.chain import Interval, Pattern
 from curvcasadi.kinematics.numeric import evaluated
 from curvcasadi.kinematics.weights import checked_weights
 from curvcasadi.lie import so3
-from curvcasadi.symbolic.expressions import AnyExpr, station
+from curvcasadi.symbolic.expressions import (
+    AnyExpr,
+    Expr,
+    Numbers,
+    station,
+)
 
 
+@overload
+def body_jacobian(beam: Beam, q: Expr, xi: float = 1.0) -> Expr: ...
+@overload
+def body_jacobian(beam: Beam, q: Numbers, xi: float = 1.0) -> ca.DM: ...
 def body_jacobian(beam: Beam, q: AnyExpr, xi: float = 1.0) -> AnyExpr:
     """Body Jacobian of the station `xi`: twist = J(q) q_dot, relative to the root.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from math import comb
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, overload
 
 import casadi as ca
 import numpy as np
@@ -22,9 +22,20 @@ from curvcasadi.kinematics.numeric import evaluated
 from curvcasadi.kinematics.rules import strain_with_derivatives
 from curvcasadi.kinematics.weights import checked_weights
 from curvcasadi.lie import so3
-from curvcasadi.symbolic.expressions import AnyExpr, expression, same_kind, station
+from curvcasadi.symbolic.expressions import (
+    AnyExpr,
+    Expr,
+    Numbers,
+    expression,
+    same_kind,
+    station,
+)
 
 
+@overload
+def body_jacobian_rate(beam: Beam, q: Expr, q_dot: Expr, xi: float = 1.0) -> Expr: ...
+@overload
+def body_jacobian_rate(beam: Beam, q: Numbers, q_dot: Numbers, xi: float = 1.0) -> ca.DM: ...
 def body_jacobian_rate(beam: Beam, q: AnyExpr, q_dot: AnyExpr, xi: float = 1.0) -> AnyExpr:
     """Rate of the body Jacobian along rates of the weights.
 
@@ -64,6 +75,14 @@ def body_jacobian_rate(beam: Beam, q: AnyExpr, q_dot: AnyExpr, xi: float = 1.0) 
     return evaluated(beam, f"body_jacobian_rate {at!r}", formula, q=q, q_dot=q_dot)
 
 
+@overload
+def body_twist(
+    beam: Beam, q: Expr, q_dot: Expr, xi: float = 1.0, root_twist: Expr | None = None
+) -> Expr: ...
+@overload
+def body_twist(
+    beam: Beam, q: Numbers, q_dot: Numbers, xi: float = 1.0, root_twist: Numbers | None = None
+) -> ca.DM: ...
 def body_twist(
     beam: Beam,
     q: AnyExpr,

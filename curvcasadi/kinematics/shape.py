@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import overload
 
 import casadi as ca
 import numpy as np
@@ -13,7 +14,15 @@ from curvcasadi.beam.pose import Pose, pose_of, unpack_pose
 from curvcasadi.kinematics import chain
 from curvcasadi.kinematics.numeric import NumericPoses, numeric_shape
 from curvcasadi.kinematics.weights import check_angles, checked_weights, element_angles
-from curvcasadi.symbolic.expressions import AnyExpr, Array, expression, is_numeric, station
+from curvcasadi.symbolic.expressions import (
+    AnyExpr,
+    Array,
+    Expr,
+    Numbers,
+    expression,
+    is_numeric,
+    station,
+)
 from curvcasadi.symbolic.text import described, shown
 
 
@@ -144,6 +153,10 @@ def pose_at(beam: Beam, q: AnyExpr, xi: float) -> Pose:
     return poses(beam, q, [xi])[0]
 
 
+@overload
+def curvature(beam: Beam, q: Expr, xi: float) -> Expr: ...
+@overload
+def curvature(beam: Beam, q: Numbers, xi: float) -> ca.DM: ...
 def curvature(beam: Beam, q: AnyExpr, xi: float) -> AnyExpr:
     """Curvature of a station, K(xi) = K_0(xi) + Φ(xi) q (Eq. 3), for any weights.
 
@@ -169,6 +182,10 @@ def _curvature(beam: Beam, q: AnyExpr, xi: float) -> AnyExpr:
     return ca.densify(beam.initial_curvature_at(xi) + phi @ q)
 
 
+@overload
+def squared_element_angles(beam: Beam, q: Expr) -> Expr: ...
+@overload
+def squared_element_angles(beam: Beam, q: Numbers) -> ca.DM: ...
 def squared_element_angles(beam: Beam, q: AnyExpr) -> AnyExpr:
     """Squared angles by which the elements turn.
 

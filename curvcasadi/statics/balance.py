@@ -11,7 +11,7 @@ in the number of elements. In equilibrium r(q) = S q − Q(q) = 0, S the stiffne
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, overload
 
 import casadi as ca
 
@@ -20,6 +20,7 @@ from curvcasadi.kinematics import chain
 from curvcasadi.kinematics import jacobian as kinematics
 from curvcasadi.loads.stations import (
     Coupling,
+    Load,
     StationLoads,
     couplings,
     loaded_mesh,
@@ -27,11 +28,25 @@ from curvcasadi.loads.stations import (
 )
 from curvcasadi.statics import virtual_work
 from curvcasadi.statics.energy import stiffness_matrix
-from curvcasadi.symbolic.expressions import AnyExpr, expression, same_kind
+from curvcasadi.symbolic.expressions import (
+    AnyExpr,
+    Expr,
+    Numbers,
+    expression,
+    same_kind,
+)
 
 
+@overload
 def generalized_force(
-    beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None = None
+    beam: Beam, q: Expr, loads: Sequence[Load], attitude: AnyExpr | None = None
+) -> Expr: ...
+@overload
+def generalized_force(
+    beam: Beam, q: Numbers, loads: Sequence[Load], attitude: AnyExpr | None = None
+) -> ca.DM: ...
+def generalized_force(
+    beam: Beam, q: AnyExpr, loads: Sequence[Load], attitude: AnyExpr | None = None
 ) -> AnyExpr:
     """Virtual work of loads on the weights.
 
@@ -56,8 +71,16 @@ def generalized_force(
     return _passes(beam, q, loads, attitude, tangent=False).force
 
 
+@overload
 def equilibrium_residual(
-    beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None = None
+    beam: Beam, q: Expr, loads: Sequence[Load], attitude: AnyExpr | None = None
+) -> Expr: ...
+@overload
+def equilibrium_residual(
+    beam: Beam, q: Numbers, loads: Sequence[Load], attitude: AnyExpr | None = None
+) -> ca.DM: ...
+def equilibrium_residual(
+    beam: Beam, q: AnyExpr, loads: Sequence[Load], attitude: AnyExpr | None = None
 ) -> AnyExpr:
     """Elastic minus applied generalized force, r = S q − Q(q); zero in equilibrium.
 
@@ -80,8 +103,16 @@ def equilibrium_residual(
     return stiffness_matrix(beam) @ q - generalized_force(beam, q, loads, attitude)
 
 
+@overload
 def equilibrium_tangent(
-    beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None = None
+    beam: Beam, q: Expr, loads: Sequence[Load], attitude: AnyExpr | None = None
+) -> tuple[Expr, Expr]: ...
+@overload
+def equilibrium_tangent(
+    beam: Beam, q: Numbers, loads: Sequence[Load], attitude: AnyExpr | None = None
+) -> tuple[ca.DM, ca.DM]: ...
+def equilibrium_tangent(
+    beam: Beam, q: AnyExpr, loads: Sequence[Load], attitude: AnyExpr | None = None
 ) -> tuple[AnyExpr, AnyExpr]:
     """Residual of the equilibrium and its structured derivative, by the same two passes.
 
@@ -110,8 +141,16 @@ def equilibrium_tangent(
     return balanced.residual, balanced.residual_slope
 
 
+@overload
 def root_wrench(
-    beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None = None
+    beam: Beam, q: Expr, loads: Sequence[Load], attitude: AnyExpr | None = None
+) -> Expr: ...
+@overload
+def root_wrench(
+    beam: Beam, q: Numbers, loads: Sequence[Load], attitude: AnyExpr | None = None
+) -> ca.DM: ...
+def root_wrench(
+    beam: Beam, q: AnyExpr, loads: Sequence[Load], attitude: AnyExpr | None = None
 ) -> AnyExpr:
     """Wrench (moment, force) that loads hand on to the root, Σ_k W_k.
 
@@ -159,7 +198,7 @@ class Balance(NamedTuple):
 def balance(
     beam: Beam,
     q: AnyExpr,
-    loads: Sequence[Any],
+    loads: Sequence[Load],
     attitude: AnyExpr | None = None,
     *,
     tangent: bool = False,
@@ -181,7 +220,7 @@ def balance(
 def parameter_slopes(
     beam: Beam,
     q: AnyExpr,
-    loads: Sequence[Any],
+    loads: Sequence[Load],
     parameters: AnyExpr,
     attitude: AnyExpr | None = None,
 ) -> tuple[AnyExpr, AnyExpr]:
@@ -242,7 +281,7 @@ class _Passed(NamedTuple):
 
 
 def _passes(
-    beam: Beam, q: AnyExpr, loads: Sequence[Any], attitude: AnyExpr | None, tangent: bool
+    beam: Beam, q: AnyExpr, loads: Sequence[Load], attitude: AnyExpr | None, tangent: bool
 ) -> _Passed:
     mesh = loaded_mesh(beam, loads)
     data = station_loads(beam, loads, mesh, attitude)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import cast
+from typing import cast, overload
 
 import casadi as ca
 import numpy as np
@@ -11,9 +11,21 @@ import numpy as np
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.resolved import UNKNOWN, Resolved, resolved_points
 from curvcasadi.beam.section import Section
-from curvcasadi.symbolic.expressions import AnyExpr, Array, expression, is_numeric, same_kind
+from curvcasadi.symbolic.expressions import (
+    AnyExpr,
+    Array,
+    Expr,
+    Numbers,
+    expression,
+    is_numeric,
+    same_kind,
+)
 
 
+@overload
+def strain_energy(beam: Beam, q: Expr) -> Expr: ...
+@overload
+def strain_energy(beam: Beam, q: Numbers) -> ca.DM: ...
 def strain_energy(beam: Beam, q: AnyExpr) -> AnyExpr:
     """Strain energy U = ½ L ∫ (K − K_0)ᵀ C (K − K_0) dxi = ½ qᵀ S q, for any weights.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -13,6 +12,7 @@ from curvcasadi.beam.beam import Beam, numeric_length
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.kinematics.shape import Shape, shape_map
 from curvcasadi.kinematics.weights import exceeded_limit
+from curvcasadi.loads.stations import Load
 from curvcasadi.statics.balance import balance
 from curvcasadi.symbolic.expressions import AnyExpr, Array, expression
 from curvcasadi.symbolic.functions import free_symbols
@@ -80,7 +80,7 @@ class Equilibrium:
 
 def solve_equilibrium(
     beam: Beam,
-    loads: Sequence[Any],
+    loads: Sequence[Load],
     q_guess: AnyExpr | None = None,
     *,
     attitude: AnyExpr | None = None,
@@ -132,7 +132,7 @@ def solve_equilibrium(
     return _continue(beam, newton, np.zeros(n))
 
 
-def _loaded_function(beam: Beam, loads: Sequence[Any], attitude: AnyExpr | None) -> ca.Function:
+def _loaded_function(beam: Beam, loads: Sequence[Load], attitude: AnyExpr | None) -> ca.Function:
     """(q, load factor) -> elastic forces S q, applied forces Q, tangent, all numeric otherwise."""
     q, factor = ca.MX.sym("q", beam.basis.n), ca.MX.sym("load_factor")
     forces = balance(beam, q, loads, attitude, tangent=True)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam, numeric_length
 from curvcasadi.kinematics.shape import squared_element_angles
+from curvcasadi.loads.stations import Load
 from curvcasadi.statics.balance import (
     equilibrium_residual,
     equilibrium_tangent,
@@ -28,7 +28,7 @@ _CERTIFIED = {"double": (1e-6, 1e-8), "float": (1e-5, 1e-4)}
 
 def equilibrium_function(
     beam: Beam,
-    loads: Sequence[Any],
+    loads: Sequence[Load],
     parameters: Mapping[str, AnyExpr] | None = None,
     *,
     attitude: AnyExpr | None = None,
@@ -129,7 +129,7 @@ def _certificate(
 
 def residual_function(
     beam: Beam,
-    loads: Sequence[Any],
+    loads: Sequence[Load],
     parameters: Mapping[str, AnyExpr],
     *,
     attitude: AnyExpr | None = None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields
 from math import isfinite
 from typing import Any, Literal, TypeAlias, TypeVar
@@ -17,6 +18,8 @@ AnyExpr: TypeAlias = Any
 #: A physical quantity in a field of a frozen description: a number, an array or a symbol.
 Number: TypeAlias = Any
 Array: TypeAlias = NDArray[np.float64]
+#: A vector of numbers where SX, MX or DM may stand as well; what is made of it is DM.
+Numbers: TypeAlias = Sequence[float] | NDArray[Any]
 #: Arithmetic of generated code.
 Real = Literal["double", "float"]
 

@@ -59,7 +59,7 @@ def test_a_wheel_holds_every_file_of_the_package(source, tmp_path):
 def test_a_type_checker_sees_the_editable_install(source, tmp_path):
     """The install of the README, in an environment that sees nothing else of the package."""
     venv.EnvBuilder(symlinks=True).create(tmp_path / "env")
-    (site,) = (tmp_path / "env").glob("lib*/python*/site-packages")
+    (site,) = (tmp_path / "env").glob("lib/python*/site-packages")
     with zipfile.ZipFile(build("editable", source, tmp_path)) as wheel:
         wheel.extractall(site)
     (site / "dependencies.pth").write_text(sysconfig.get_path("purelib"))

@@ -22,7 +22,8 @@ from curvcasadi.dynamics import recursion
 from curvcasadi.dynamics.system import System
 from curvcasadi.kinematics import chain
 from curvcasadi.kinematics.jacobian import to_body
-from curvcasadi.kinematics.motion import StationMotion, unpack_motion
+from curvcasadi.kinematics.motion import unpack_motion
+from curvcasadi.kinematics.state import StationMotion
 from curvcasadi.lie import so3
 from curvcasadi.loads.stations import WrenchFormula
 from curvcasadi.symbolic.expressions import AnyExpr

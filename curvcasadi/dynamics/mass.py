@@ -23,6 +23,7 @@ from curvcasadi.dynamics.inertia import (
 )
 from curvcasadi.kinematics import chain
 from curvcasadi.kinematics import jacobian as kinematics
+from curvcasadi.kinematics.state import StateLayout
 from curvcasadi.lie import so3
 from curvcasadi.symbolic.expressions import AnyExpr, is_numeric
 
@@ -106,7 +107,7 @@ def _station_mass(n: int, mask: Mask) -> ca.Function:
 
     J = (Rᵀ A, Rᵀ (B − p × A)); in parent axes unless the inertia needs local ones.
     """
-    state, inertia = ca.SX.sym("state", 12 + 6 * n), ca.SX.sym("inertia", sum(mask))
+    state, inertia = StateLayout(columns=n).symbol(), ca.SX.sym("inertia", sum(mask))
     triangle = ca.SX.sym("triangle", n * (n + 1) // 2)
     rotation, position = chain.unpack_pose(state)
     angular, linear = kinematics.unpack_sums(state)

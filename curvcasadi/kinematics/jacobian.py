@@ -20,6 +20,7 @@ from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics import chain, element
 from curvcasadi.kinematics.chain import Interval, Pattern
 from curvcasadi.kinematics.numeric import evaluated
+from curvcasadi.kinematics.state import StateLayout
 from curvcasadi.kinematics.weights import checked_weights
 from curvcasadi.lie import so3
 from curvcasadi.symbolic.expressions import (
@@ -86,9 +87,8 @@ def body_jacobian_of(state: AnyExpr) -> AnyExpr:
 
 def unpack_sums(state: AnyExpr) -> tuple[AnyExpr, AnyExpr]:
     """Spatial Jacobian (A, B), (3, columns) each, of a state of `jacobian_states`."""
-    columns = (state.numel() - 12) // 6
-    middle = 12 + 3 * columns
-    return ca.reshape(state[12:middle], 3, columns), ca.reshape(state[middle:], 3, columns)
+    sums: tuple[AnyExpr, AnyExpr] = StateLayout.of(state).unpack(state).sums[0]
+    return sums
 
 
 def to_body(rotation: AnyExpr, position: AnyExpr, angular: AnyExpr, linear: AnyExpr) -> AnyExpr:
@@ -115,7 +115,7 @@ def interval_tangent(pattern: Pattern, state: ca.SX, interval: Interval) -> tupl
 def _jacobian_step(pattern: Pattern) -> ca.Function:
     """(q, state, data) -> state, state = (vec R, p, vec A, vec B)."""
     symbols = chain.interval(pattern)
-    state = ca.SX.sym("state", 12 + 6 * (pattern.n + pattern.n_parameters))
+    state = StateLayout(columns=pattern.n + pattern.n_parameters).symbol()
     a, b = unpack_sums(state)
     rotation, position, angular, linear = interval_tangent(pattern, state, symbols)
     a, b = a + angular @ symbols.directions, b + linear @ symbols.directions

@@ -14,12 +14,12 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics import chain, element
 from curvcasadi.kinematics.chain import Pattern
 from curvcasadi.kinematics.jacobian import to_body
 from curvcasadi.kinematics.numeric import evaluated
 from curvcasadi.kinematics.rules import strain_with_derivatives
+from curvcasadi.kinematics.state import StateLayout, StationMotion
 from curvcasadi.kinematics.weights import checked_weights
 from curvcasadi.lie import so3
 from curvcasadi.symbolic.expressions import (
@@ -137,20 +137,6 @@ class Motion(NamedTuple):
     root_twist_rate: AnyExpr = None  #: (6, 1), derivative of its components
 
 
-class StationMotion(NamedTuple):
-    """A station in the inertial axes that coincide with the root's at this instant.
-
-    Twist and acceleration are spatial: (Ω, v) of the material at the origin of these axes, and its
-    rate. `sums` are the spatial Jacobian (A, B), (3, n) each, and its rates in these axes.
-    """
-
-    rotation: AnyExpr
-    position: AnyExpr
-    twist: AnyExpr
-    acceleration: AnyExpr
-    sums: tuple[tuple[AnyExpr, AnyExpr], ...]
-
-
 def motion_states(
     beam_chain: chain.Chain, motion: Motion, order: int, jacobian: bool = False, span: int = 1
 ) -> list[AnyExpr]:
@@ -188,17 +174,8 @@ def motion_states(
 
 
 def unpack_motion(state: AnyExpr, order: int) -> StationMotion:
-    """Parts of a state (vec R, p, twist, acceleration, vec A, vec B, vec A', vec B' …)."""
-    first = 12 + 6 * order
-    size = (state.numel() - first) // (6 * order + 6)
-    sums = []
-    for k in range(order + 1 if size else 0):
-        middle = first + (6 * k + 3) * size
-        a, b = state[middle - 3 * size : middle], state[middle : middle + 3 * size]
-        sums.append((ca.reshape(a, 3, size), ca.reshape(b, 3, size)))
-    twist = state[12:18] if order else ca.DM.zeros(6)
-    acceleration = state[18:24] if order == 2 else ca.DM.zeros(6)
-    return StationMotion(*unpack_pose(state), twist, acceleration, tuple(sums))
+    """What a state of `motion_states` of `order` says."""
+    return StateLayout.of(state, order).unpack(state)
 
 
 def _weights_and_rate(beam: Beam, q: AnyExpr, q_dot: AnyExpr) -> tuple[AnyExpr, AnyExpr]:
@@ -220,11 +197,11 @@ def _motion_step(
     n = pattern.n
     kind: Any = ca.SX if count == 1 else ca.MX
     arguments = {name: kind.sym(name, n) for name in ("q", "q_dot", "q_ddot")[: 1 + rates]}
-    first, sizes = 12 + 6 * order, [6 * n] * (order + 1 if jacobian else 0)
-    state = kind.sym("state", first + sum(sizes))
+    layout = StateLayout(order, n if jacobian else 0)
+    state = layout.symbol(kind)
     data = kind.sym("data", count * sum(pattern.sizes))
     tangent, columns = _tangent_step(pattern, order, rates), _columns_step(pattern)
-    start, *sums = ca.vertsplit(state, np.cumsum([0, first, *sizes]).tolist())
+    start, *sums = ca.vertsplit(state, np.cumsum([0, *layout.parts]).tolist())
     before = [kind(6 * n, 1)] * (order + 1)
     for part in ca.vertsplit(data, sum(pattern.sizes)):
         start, *found = tangent(*arguments.values(), start, part, *(sums or before))
@@ -254,7 +231,7 @@ def _tangent_step(pattern: Pattern, order: int, rates: int) -> ca.Function:
     weight_rates = {name: ca.SX.sym(name, pattern.n) for name in ("q_dot", "q_ddot")[:rates]}
     moment_rates = [directions @ rate for rate in weight_rates.values()]
     moment_rates += [ca.SX(directions.shape[0], 1)] * (order - rates)
-    state = ca.SX.sym("state", 12 + 6 * order)
+    state = StateLayout(order).symbol()
     start = unpack_motion(state, order)
 
     t = ca.SX.sym("t")

@@ -19,6 +19,7 @@ from curvcasadi.kinematics import chain
 from curvcasadi.kinematics import jacobian as kinematics
 from curvcasadi.kinematics.element import ON_GROUP
 from curvcasadi.kinematics.shape import poses
+from curvcasadi.kinematics.state import StateLayout
 from curvcasadi.lie import so3
 from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.expressions import (
@@ -190,7 +191,7 @@ def _root_jacobian(root: AnyExpr, parameters: AnyExpr | None) -> AnyExpr:
 @lru_cache(maxsize=64)
 def _pose_and_body_jacobian(n: int) -> ca.Function:
     """(state relative to the root, root) -> p = p_0 + R_0 p_rel, R = R_0 R_rel, body Jacobian."""
-    state, root = ca.SX.sym("state", 12 + 6 * n), ca.SX.sym("root", 12)
+    state, root = StateLayout(columns=n).symbol(), ca.SX.sym("root", 12)
     root_rotation, root_position = unpack_pose(root)
     rotation, position = unpack_pose(state)
     return ca.Function(
@@ -215,7 +216,7 @@ def _derivatives(n: int, n_parameters: int) -> ca.Function:
     root's own derivatives enter by the parameters alone.
     """
     columns = n + n_parameters
-    state = ca.SX.sym("state", 12 + 6 * columns)
+    state = StateLayout(columns=columns).symbol()
     root, d_root = ca.SX.sym("root", 12), ca.SX.sym("d_root", 12, n_parameters)
     root_rotation, _ = unpack_pose(root)
     rotation, position = unpack_pose(state)

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.pose import Pose
-from curvcasadi.kinematics.motion import StationMotion
+from curvcasadi.kinematics.state import StationMotion
 from curvcasadi.lie import so3
 from curvcasadi.sensors.sensor import (
     XYZ,

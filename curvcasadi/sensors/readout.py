@@ -14,6 +14,7 @@ from curvcasadi.kinematics import chain
 from curvcasadi.kinematics.motion import Motion, motion_states
 from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.kinematics.shape import curvature
+from curvcasadi.kinematics.state import StateLayout
 from curvcasadi.kinematics.weights import checked_weights
 from curvcasadi.sensors.channels import Channels, checked_sensors, sensor_channels
 from curvcasadi.sensors.sensor import CurvatureSensor, Sensor
@@ -82,7 +83,7 @@ class Readout:
             if isinstance(sensor, CurvatureSensor):
                 rows.append(self._gauge(sensor))
             else:
-                state = states[sensor.xi][: 12 + 6 * sensor.order]
+                state = states[sensor.xi][: StateLayout(sensor.order).size]
                 read = value_function(_kind(sensor))
                 rows.append(read(state, *self._arguments(sensor)))
         return ca.vertcat(*rows)

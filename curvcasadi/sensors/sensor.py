@@ -6,7 +6,7 @@ independent between samples, axes and sensors. `offset`, `mounting`, `pose` and 
 symbols; `bias` adds to what an ideal sensor reads.
 
 All in the inertial axes that coincide with the root's at this instant ("root axes" below), where a
-station moves as `kinematics.motion.StationMotion` says. With the spatial Jacobian J = (A, B), its
+station moves as `kinematics.state.StationMotion` says. With the spatial Jacobian J = (A, B), its
 rates (A_t, B_t), (A_tt, B_tt), and a material point P = p + R r:
 
     R_q = [A×] R,    P_q = B + A × P,    (Rᵀ Ω)_q = Rᵀ A_t,    (Rᵀ Ω)_q_dot = Rᵀ A
@@ -25,7 +25,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.pose import Pose, checked_pose
-from curvcasadi.kinematics.motion import StationMotion
+from curvcasadi.kinematics.state import StationMotion
 from curvcasadi.lie import so3
 from curvcasadi.symbolic.expressions import (
     AnyExpr,

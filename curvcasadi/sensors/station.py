@@ -7,7 +7,8 @@ from typing import Any
 
 import casadi as ca
 
-from curvcasadi.kinematics.motion import StationMotion, unpack_motion
+from curvcasadi.kinematics.motion import unpack_motion
+from curvcasadi.kinematics.state import StateLayout, StationMotion
 from curvcasadi.lie import so3
 from curvcasadi.sensors.sensor import Frames, Mount, Sensor
 
@@ -21,7 +22,7 @@ def value_function(kind: type[Sensor]) -> ca.Function:
     The state is that of a march of the sensor's own order, without sums; frames are the fields of
     `Frames`, and the mount is `Sensor.mount`, stacked.
     """
-    state = ca.SX.sym("state", 12 + 6 * kind.order)
+    state = StateLayout(kind.order).symbol()
     frames, mount = ca.SX.sym("frames", sum(_FRAMES)), ca.SX.sym("mount", _mount_size(kind))
     at = unpack_motion(state, kind.order)
     value = kind.value(at, _unpack_frames(frames), _unpack_mount(kind, mount))
@@ -71,7 +72,7 @@ def row_function(
 
 def _symbols(kind: type[Sensor], order: int, n: int) -> tuple[ca.SX, list[ca.SX], tuple[Any, ...]]:
     """State of a march with sums; frames, mount and sample; and what the first three mean."""
-    state = ca.SX.sym("state", 12 + 6 * order + 6 * n * (order + 1))
+    state = StateLayout(order, n).symbol()
     frames, mount = ca.SX.sym("frames", sum(_FRAMES)), ca.SX.sym("mount", _mount_size(kind))
     measured = ca.SX.sym("measured", len(kind.components))
     meaning = unpack_motion(state, order), _unpack_frames(frames), _unpack_mount(kind, mount)

@@ -13,6 +13,7 @@ from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics import chain, element
 from curvcasadi.kinematics import jacobian as kinematics
 from curvcasadi.kinematics.chain import Pattern
+from curvcasadi.kinematics.state import StateLayout
 from curvcasadi.lie import so3
 from curvcasadi.loads.stations import WrenchFormula
 
@@ -26,7 +27,7 @@ def station_wrench(
     A motion [A; B] of the station turns R by [A×] and moves p by B + A × p. Then the first
     `coupled` data may move as well: their derivatives (coupled, columns) are a third input.
     """
-    state = ca.SX.sym("state", 12 + 6 * (columns or 0))
+    state = StateLayout(columns=columns or 0).symbol()
     data = ca.SX.sym("data", size)
     rotation, position = unpack_pose(state)
     wrench = formula(rotation, position, data)
@@ -87,7 +88,7 @@ def coupled_by_data(coupling: ca.Function, columns: int) -> ca.Function:
 @lru_cache(maxsize=256)
 def wrench_by_data(formula: WrenchFormula, size: int, m: int, n: int) -> ca.Function:
     """(state with sums, data, d data (size, m)) -> [A; B]ᵀ ∂W (n, m), ∂W (6, m)."""
-    state, data = ca.SX.sym("state", 12 + 6 * n), ca.SX.sym("data", size)
+    state, data = StateLayout(columns=n).symbol(), ca.SX.sym("data", size)
     d_data = ca.SX.sym("d_data", size, m)
     wrench = formula(*unpack_pose(state), data)
     slope = ca.densify(ca.jacobian(wrench, data)) @ d_data
@@ -129,7 +130,7 @@ def inward_tangent(pattern: Pattern) -> ca.Function:
     """
     n = pattern.n
     symbols = chain.interval(pattern)
-    state = ca.SX.sym("state", 12 + 6 * n)
+    state = StateLayout(columns=n).symbol()
     wrench, d_wrench = ca.SX.sym("wrench", 6), ca.SX.sym("d_wrench", 6, n)
     total, slope = ca.SX.sym("Q", n), ca.SX.sym("dQ", n, n)
     directions = symbols.directions[:, :n]

@@ -2,6 +2,7 @@
 
 from curvcasadi.beam.along import Piecewise, Steps
 from curvcasadi.beam.basis import (
+    Basis,
     ChannelBasis,
     VectorBasis,
 )
@@ -15,6 +16,7 @@ from curvcasadi.beam.families import (
     BSpline,
     CantileverModes,
     Chebyshev,
+    Family,
     FreeTip,
     Legendre,
     Monomial,
@@ -43,12 +45,15 @@ from curvcasadi.beam.section import (
 
 __all__ = [
     "BSpline",
+    "Basis",
     "Beam",
     "Body",
     "CantileverModes",
     "ChannelBasis",
     "Chebyshev",
     "ComplianceBasis",
+    "ElementRule",
+    "Family",
     "FreeTip",
     "Grid",
     "Legendre",

@@ -28,18 +28,26 @@ CHANNELS = ("torsion", "out_of_plane", "in_plane")
 
 
 class Basis(Protocol):
-    """What a beam asks of a basis."""
+    """What a beam asks of a basis; any such object serves."""
 
     @property
-    def n(self) -> int: ...
+    def n(self) -> int:
+        """Number of functions, which is that of the weights."""
+        ...
 
     @property
-    def labels(self) -> tuple[str, ...]: ...
+    def labels(self) -> tuple[str, ...]:
+        """A name per function."""
+        ...
 
     @property
-    def breaks(self) -> tuple[float, ...]: ...
+    def breaks(self) -> tuple[float, ...]:
+        """Interior stations at which the smoothness of a function ends; elements end there."""
+        ...
 
-    def __call__(self, xi: float) -> Array: ...
+    def __call__(self, xi: float) -> Array:
+        """Φ (3, n) at a station xi in [0, 1]; rows K_x, K_y, K_z, a column per weight."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,18 +18,26 @@ from curvcasadi.symbolic.expressions import Array, choice, count, increasing_sta
 
 
 class Family(Protocol):
-    """What a curvature basis asks of a family."""
+    """What a curvature basis asks of a family; any such object serves."""
 
     @property
-    def n(self) -> int: ...
+    def n(self) -> int:
+        """Number of functions."""
+        ...
 
     @property
-    def breaks(self) -> tuple[float, ...]: ...
+    def breaks(self) -> tuple[float, ...]:
+        """Interior stations at which the smoothness of a function ends; elements end there."""
+        ...
 
     @property
-    def labels(self) -> tuple[str, ...]: ...
+    def labels(self) -> tuple[str, ...]:
+        """A name per function."""
+        ...
 
-    def __call__(self, xi: float) -> Array: ...
+    def __call__(self, xi: float) -> Array:
+        """Values (n,) of the functions, dimensionless, at a station xi in [0, 1]."""
+        ...
 
 
 @dataclass(frozen=True)

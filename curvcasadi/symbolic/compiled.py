@@ -16,6 +16,7 @@ from typing import Any
 
 import casadi as ca
 
+from curvcasadi.symbolic.derivatives import attached
 from curvcasadi.symbolic.expressions import choice, instance
 
 #: A shared library that calls its own functions whatever else is loaded. For straight-line code
@@ -172,7 +173,7 @@ def _loaded(levels: Sequence[ca.Function], library: Path) -> ca.Function:
         "is_diff_out": f.is_diff_out(),
     }
     if jacobians:
-        options |= {"custom_jacobian": _loaded(jacobians, library), "jac_penalty": 0}
+        options |= attached(_loaded(jacobians, library))
     inputs = _symbols(f)
     outputs = ca.external(f.name() + _SUFFIX, str(library)).call(inputs)
     return ca.Function(f.name(), inputs, outputs, f.name_in(), f.name_out(), options)

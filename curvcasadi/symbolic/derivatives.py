@@ -22,13 +22,11 @@ def with_jacobian(
 ) -> ca.Function:
     """A `casadi.Function` whose derivatives are `slopes` instead of those of its expressions.
 
-    CasADi takes an attached Jacobian only under conditions that it does not check: it is named
-    ``jac_<name>``, takes the inputs and one ``out_<output>`` per output, and gives one block
-    ``jac_<output>_<input>`` for every pair; ``jac_penalty`` is zero (otherwise it is ignored) and
-    ``never_inline`` set (otherwise it is dropped where the Function is called with the symbols that
-    it was made of). Blocks are dense, as missing entries would be taken for zeros. Where an output
-    does not depend on an entry of an input, structurally, CasADi takes that derivative for zero,
-    whatever the slopes are.
+    CasADi takes an attached Jacobian only under conditions that it does not check: those of
+    `attached`; and it is named ``jac_<name>``, takes the inputs and one ``out_<output>`` per
+    output, and gives one block ``jac_<output>_<input>`` for every pair. Blocks are dense, as
+    missing entries would be taken for zeros. Where an output does not depend on an entry of an
+    input, structurally, CasADi takes that derivative for zero, whatever the slopes are.
 
     Parameters
     ----------
@@ -76,16 +74,19 @@ def with_jacobian(
         [*blocks],
         {"cse": True},
     )
-    options: dict[str, Any] = {
-        "cse": True,
-        "custom_jacobian": jacobian,
-        "jac_penalty": 0,
-        "never_inline": True,
-        "is_diff_in": [key not in held for key in inputs],
-    }
+    options = {"cse": True, "is_diff_in": [key not in held for key in inputs], **attached(jacobian)}
     return ca.Function(
         name, [*inputs.values()], [*outputs.values()], [*inputs], [*outputs], options
     )
+
+
+def attached(jacobian: ca.Function) -> dict[str, Any]:
+    """Options with which CasADi takes `jacobian` for the derivative of a Function.
+
+    Without a penalty of zero it is ignored; a Function that may be inlined loses it where it is
+    called with the symbols that it was made of.
+    """
+    return {"custom_jacobian": jacobian, "jac_penalty": 0, "never_inline": True}
 
 
 def jacobian_function(f: ca.Function, name: str | None = None) -> ca.Function:

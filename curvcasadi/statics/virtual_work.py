@@ -47,7 +47,8 @@ def _pose_slope(state: ca.SX) -> ca.SX:
     rotation, position = unpack_pose(state)
     a, b = kinematics.unpack_sums(state)
     turned = ca.vertcat(*(-so3.hat(rotation[:, k]) @ a for k in range(3)))
-    return ca.vertcat(turned, b - so3.hat(position) @ a)
+    slope: ca.SX = ca.vertcat(turned, b - so3.hat(position) @ a)
+    return slope
 
 
 @lru_cache(maxsize=64)
@@ -56,7 +57,7 @@ def coupled_values(coupling: ca.Function, columns: int | None) -> ca.Function:
 
     Slopes (m, columns) stand side by side, those of a station together.
     """
-    stations, size = coupling.size2_in(0), 12 + 6 * (columns or 0)
+    stations, size = coupling.size2_in(0), StateLayout(columns=columns or 0).size
     states = ca.SX.sym("states", size, stations)
     data = ca.SX.sym("data", *coupling.size_in(1))
     poses = states[:12, :]

@@ -179,7 +179,9 @@ class WingGeometry:
 
     def _axes(self, xi: float, inside: float) -> ca.DM:
         """Right-wing axes at a station, with sweep and dihedral of the interval around `inside`."""
-        return _axes(_at(self.sweep, inside), _at(self.dihedral, inside), _at(self.twist, xi))
+        return ca.DM(
+            _axes(_at(self.sweep, inside), _at(self.dihedral, inside), _at(self.twist, xi))
+        )
 
 
 def _axes(sweep: Number, dihedral: Number, twist: Number) -> AnyExpr:

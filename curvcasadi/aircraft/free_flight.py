@@ -15,7 +15,7 @@ Gravity is an acceleration −g of the body. There is no air: airloads are loads
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 
@@ -218,5 +218,5 @@ def free_strain_energy(aircraft: Aircraft, q: AnyExpr) -> AnyExpr:
         Strain energy, J.
     """
     q = expression("q", q, (weights_of(aircraft), 1))
-    parts = ca.vertsplit(q, offsets_of(aircraft))
+    parts: Any = ca.vertsplit(q, offsets_of(aircraft))
     return sum(strain_energy(w.beam, part) for w, part in zip(aircraft.beams, parts, strict=True))

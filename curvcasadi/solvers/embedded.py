@@ -56,7 +56,7 @@ class EmbeddedSolver:
         return list(self.finish.call([*inputs, *ends]))
 
 
-class SolverFunction(ca.Function):  # type: ignore[misc]
+class SolverFunction(ca.Function):
     """A casadi.Function that knows what it solves, so that `export_c` writes its own C."""
 
     def __init__(self, function: ca.Function, solver: EmbeddedSolver) -> None:

@@ -57,7 +57,7 @@ class StateParts(NamedTuple):
     def size(self) -> int:
         """Number of states."""
         lag, entry = (part.values.shape[1] for part in (self.of_lag, self.of_entry))
-        return len(self.lag) * lag + len(self.entry) * entry
+        return int(len(self.lag) * lag + len(self.entry) * entry)
 
     def values(self, states: AnyExpr) -> AnyExpr:
         """Values at the stations, (poles and entry states, stations), of the states (size, 1)."""
@@ -363,7 +363,7 @@ def _rates(
     if entry:
         u_g = section.gust_velocity(velocity, omega, rotation.T @ gust, strip)
         rates += [rate * pace * (u_g - g[i]) for i, rate in enumerate(entry)]
-    return ca.vertcat(*rates)
+    return ca.SX(ca.vertcat(*rates))
 
 
 def apparent_mass_matrix(

@@ -139,6 +139,9 @@ class Load(Protocol):
 
     order: ClassVar[int] = 0
 
+    def __init__(self) -> None:
+        """A load without fields."""
+
     @property
     def breaks(self) -> tuple[float, ...]:
         """Stations xi in [0, 1] at which the load acts as a point, begins, ends or jumps."""
@@ -153,7 +156,18 @@ class Load(Protocol):
         return ()
 
     def is_distributed(self, beam: Beam) -> bool:
-        """Whether the load is integrated along the span, by `sites`."""
+        """Whether the load is integrated along the span, by `sites`.
+
+        Parameters
+        ----------
+        beam : Beam
+            What the load acts on.
+
+        Returns
+        -------
+        bool
+            False for a load at points alone.
+        """
         return True
 
     def contributions(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
@@ -182,7 +196,21 @@ class Load(Protocol):
     def coupling(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Coupling | None:
         """What acts at stations that depend on the poses of each other; most loads have none.
 
-        It acts beside `contributions`. Arguments are those of `contributions`.
+        It acts beside `contributions`.
+
+        Parameters
+        ----------
+        beam : Beam
+            What the load acts on.
+        mesh : Mesh
+            As of `contributions`.
+        to_parent : SX, MX or DM, shape (3, 3)
+            As of `contributions`.
+
+        Returns
+        -------
+        Coupling or None
+            Stations and the Function of their poses.
         """
         return None
 

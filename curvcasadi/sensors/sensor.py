@@ -179,6 +179,15 @@ class Sensor:
         must. Where value and residual differ in size, as of attitudes, they are those of a
         variation of the value in the size of the residual.
 
+        Parameters
+        ----------
+        at : StationMotion
+            As of `value`.
+        frames : Frames
+            As of `value`.
+        mount : Mount
+            As of `value`.
+
         Returns
         -------
         dict of str to SX, shape (r, columns)
@@ -190,17 +199,54 @@ class Sensor:
 
     @classmethod
     def residual(cls, value: Any, measured: Any) -> Any:
-        """Prediction minus measurement, (r, 1)."""
+        """Prediction minus measurement.
+
+        Parameters
+        ----------
+        value, measured : SX, MX or DM, shape (m, 1)
+            What is predicted, and a sample.
+
+        Returns
+        -------
+        SX, MX or DM, shape (r, 1)
+            In `residual_unit`.
+        """
         return value - measured
 
     @classmethod
     def residual_by_variation(cls, residual: Any) -> Any:
-        """Derivative (r, r) of the residual by the variation that `slopes` describe."""
+        """Derivative of the residual by the variation that `slopes` describe.
+
+        Parameters
+        ----------
+        residual : SX, shape (r, 1)
+            Where it is taken.
+
+        Returns
+        -------
+        SX or DM, shape (r, r)
+            The identity unless a kind has its own.
+        """
         return ca.DM.eye(len(cls.residual_components))
 
     @classmethod
     def in_view(cls, at: StationMotion, frames: Frames, mount: Mount) -> Any:
-        """1 if there is a reading, else 0; of kinds that `may_be_hidden`."""
+        """Whether there is a reading, of kinds that `may_be_hidden`.
+
+        Parameters
+        ----------
+        at : StationMotion
+            As of `value`.
+        frames : Frames
+            As of `value`.
+        mount : Mount
+            As of `value`.
+
+        Returns
+        -------
+        SX or int
+            1 if there is one, else 0.
+        """
         return 1
 
     @classmethod
@@ -208,12 +254,34 @@ class Sensor:
         """1 for each entry of a sample (m, 1) that is there, else 0; of a `whole` one (1, 1).
 
         A number is below zero or not; NaN is neither, as comparisons with it are false in C, too.
+
+        Parameters
+        ----------
+        values : SX or DM, shape (m, 1)
+            A sample.
+
+        Returns
+        -------
+        SX or DM, shape (m, 1) or (1, 1)
+            Ones and zeros.
         """
         return ca.logic_or(values < 0, values >= 0)
 
     @classmethod
     def checked_sample(cls, name: str, values: ca.DM) -> ca.DM:
-        """The numbers `values` (m, 1) of a sample as they are used.
+        """A sample as it is used.
+
+        Parameters
+        ----------
+        name : str
+            What an error calls the sample.
+        values : DM, shape (m, 1)
+            Its numbers.
+
+        Returns
+        -------
+        DM, shape (m, 1)
+            The numbers themselves unless a kind corrects them.
 
         Raises
         ------
@@ -223,7 +291,13 @@ class Sensor:
         return values
 
     def mount(self) -> dict[str, AnyExpr]:
-        """Fields that the reading depends on, by name; a pose as (R, p), (3, 4)."""
+        """Fields that the reading depends on.
+
+        Returns
+        -------
+        dict of str to SX, MX or DM
+            By name; a pose as (R, p), (3, 4).
+        """
         found = {key: getattr(self, key) for key in self.mount_shapes()}
         return {
             key: ca.horzcat(value.rotation, value.position) if isinstance(value, Pose) else value

@@ -90,9 +90,9 @@ def _points(beam: Beam) -> Resolved:
     def integrand(xi: Array) -> Array:
         phi = np.array([basis(x) for x in xi.tolist()])
         if not counts:  # tables are linear between the stations at least: 16 points suffice
-            return np.einsum("pik,pil->pkl", phi, phi)
+            return np.asarray(np.einsum("pik,pil->pkl", phi, phi))
         stiffness = _in_numbers([section.stiffness(x) for x in xi.tolist()])
-        return np.einsum("pik,pij,pjl->pkl", phi, stiffness, phi, optimize=True)
+        return np.asarray(np.einsum("pik,pij,pjl->pkl", phi, stiffness, phi, optimize=True))
 
     name = "Beam.basis and Beam.section" if section.stiffness_varies else "Beam.basis"
     return resolved_points(name, integrand, stations, 1 if known else UNKNOWN)

@@ -197,6 +197,12 @@ def _on_wing(
     )
 
 
+def wash_of(load: AerodynamicLoad, beam: Beam, to_parent: AnyExpr) -> LineOnWing:
+    """The lifting line of a load, for the flow that it induces off the wing."""
+    line = instance("AerodynamicLoad.induced_flow", load.induced_flow, LiftingLine)
+    return _on_wing(line, load, beam, to_parent, load.points)
+
+
 class StripForces(NamedTuple):
     """Airloads along the span, a column per station.
 

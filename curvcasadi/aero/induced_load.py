@@ -34,7 +34,7 @@ class LineOnWing(NamedTuple):
     """The lifting line of a wing in flight, as Functions of the poses (12, S) of its stations."""
 
     followed: ca.Function  #: (poses, data) -> u_e (1, wanted), m/s
-    wash: ca.Function  #: (poses, data, point (3, 1)) -> velocity (3, 1) there, m/s, parent axes
+    wash: ca.Function  #: (poses, (data, point)) -> velocity (3, 1) there, m/s, parent axes
     data: AnyExpr
 
 
@@ -250,13 +250,14 @@ def _followed(key: _Key) -> ca.Function:
 
 @lru_cache(maxsize=32)
 def _wash(key: _Key) -> ca.Function:
-    """(poses, data, point) -> velocity at a point off the wing, its image not included."""
+    """(poses, (data, point)) -> velocity at a point off the wing, its image not included."""
     count, _, image = key.line
     parts, point = _line(key), ca.SX.sym("point", 3)
     strengths = parts.upper * parts.circulations
     geometry = (parts.corners, parts.direction, parts.plane)
     velocity = induced.wake_velocity(count, image)(point, *geometry, strengths)
-    return ca.Function("wash", [parts.poses, parts.data, point], [velocity], {"cse": True})
+    data = ca.vertcat(parts.data, point)
+    return ca.Function("wash", [parts.poses, data], [velocity], ["poses", "data"], ["velocity"])
 
 
 def frozen_map(line: LiftingLine, beam: Beam, strips: StripAerodynamics) -> AnyExpr:

@@ -105,7 +105,7 @@ class LiftingSurface:
     """A rigid lifting surface, such as a tail: one strip of the whole area.
 
     Local axes as those of a wing: x along the span, y to the leading edge. The airfoil data are
-    taken at xi = 0.5; interference with the wing (downwash) is not modelled.
+    taken at xi = 0.5. The downwash of the wings is that of their induced flow, where they have one.
 
     Attributes
     ----------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from curvcasadi.aero import LiftingLine
 from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.aircraft.trim_problem import Hessian, Objective
 from curvcasadi.aircraft.trim_result import TrimResult
@@ -25,6 +26,7 @@ def trim(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     objective: Objective = None,
     hessian: Hessian = "exact",
+    induced_flow: LiftingLine | None = None,
     guess: TrimResult | None = None,
     throw: bool = True,
 ) -> TrimResult:
@@ -59,6 +61,9 @@ def trim(
         out-of-plane moments at the roots. None where nothing is left to choose.
     hessian : {"exact", "limited_memory"}
         Hessian of the second solve; "exact" is that of the structured derivatives.
+    induced_flow : LiftingLine, optional
+        Induced flow of every wing and its downwash at the lifting surfaces; the drag then holds
+        induced drag. Without one every strip is on its own.
     guess : TrimResult, optional
         An earlier result of the same aircraft.
     throw : bool
@@ -77,7 +82,7 @@ def trim(
     ValueError
         For unknown names, bad numbers, and more free inputs than the balances settle.
     """
-    solver = TrimSolver(aircraft, objective, hessian)
+    solver = TrimSolver(aircraft, objective, hessian, induced_flow)
     case = Case(speed, density, gravity, flight_path, tuple(free), inputs or {}, bounds or {})
     return solver.solve(case, guess, throw)
 
@@ -94,6 +99,7 @@ def trim_sweep(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     objective: Objective = None,
     hessian: Hessian = "exact",
+    induced_flow: LiftingLine | None = None,
     throw: bool = False,
     progress: bool = True,
 ) -> list[TrimResult]:
@@ -105,7 +111,7 @@ def trim_sweep(
         Aircraft with numeric fields.
     speeds : sequence of float
         Airspeeds, m/s.
-    density, gravity, flight_path, free, inputs, bounds, objective, hessian : optional
+    density, gravity, flight_path, free, inputs, bounds, objective, hessian, induced_flow : optional
         As of `trim`.
     throw : bool
         Whether a speed at which nothing balances raises; otherwise its result says so.
@@ -119,7 +125,7 @@ def trim_sweep(
     """
     from tqdm import tqdm
 
-    solver, guess, results = TrimSolver(aircraft, objective, hessian), None, []
+    solver, guess, results = TrimSolver(aircraft, objective, hessian, induced_flow), None, []
     for speed in tqdm(speeds, desc="trim", unit="speed", disable=not progress):
         case = Case(speed, density, gravity, flight_path, tuple(free), inputs or {}, bounds or {})
         result = solver.solve(case, guess, throw)

@@ -9,8 +9,8 @@ from typing import Any, Literal, TypeAlias
 import casadi as ca
 import numpy as np
 
-from curvcasadi.aero import Flow
-from curvcasadi.aircraft.balance import rigid_wrenches, wing_function
+from curvcasadi.aero import Flow, LiftingLine
+from curvcasadi.aircraft.balance import rigid_wrenches, surface_points, wing_function
 from curvcasadi.aircraft.parts import Aircraft, Flight, Wing
 from curvcasadi.beam.beam import numeric_length
 from curvcasadi.kinematics.pose_function import tip_function
@@ -71,8 +71,8 @@ class TrimProblem:
         u = V (cos α cos β, sin β, sin α cos β),      −(R u)_z = V sin γ,      R = R_y(θ) R_x(φ)
     """
 
-    def __init__(self, aircraft: Aircraft) -> None:
-        self.aircraft = aircraft
+    def __init__(self, aircraft: Aircraft, induced_flow: LiftingLine | None = None) -> None:
+        self.aircraft, self.induced_flow = aircraft, induced_flow
         self.names = (*ANGLES, *aircraft.inputs)
         wings = [wing.name for wing in aircraft.beams]
         if len({*self.names, *wings}) < len(self.names) + len(wings):
@@ -124,11 +124,17 @@ class TrimProblem:
         )
         self.wrenches: dict[str, ca.MX] = {}
         residuals = []
+        wash: AnyExpr = None
+        points = surface_points(self.aircraft)
+        if self.induced_flow is not None:
+            wash = ca.MX(3, len(points))
         for wing in self.aircraft.beams:
-            function = wing_function(wing, flight, deflections, symbols)
-            residual, self.wrenches[wing.name] = function(self.q[wing.name], y)
+            function = wing_function(wing, flight, deflections, symbols, self.induced_flow, points)
+            residual, self.wrenches[wing.name], *washes = function(self.q[wing.name], y)
             residuals.append(residual / (p["weight"] * self.length**2))
-        self.rigid = rigid_wrenches(self.aircraft, self.flight, self.inputs)
+            for induced in washes:
+                wash = wash + induced
+        self.rigid = rigid_wrenches(self.aircraft, self.flight, self.inputs, wash)
         total = sum([*self.rigid.values(), *self.wrenches.values()], ca.MX(6, 1))
         down: ca.MX = self.flight.attitude @ flow.velocity
         climb = -down[2] / p["speed"] - p["sine_of_path"]

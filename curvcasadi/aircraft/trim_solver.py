@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from curvcasadi.aero import AerodynamicLoad, Flow, StripForces, strip_forces
+from curvcasadi.aero import AerodynamicLoad, Flow, LiftingLine, StripForces, strip_forces
 from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.aircraft.trim_problem import (
     ANGLES,
@@ -30,7 +30,7 @@ from curvcasadi.aircraft.trim_result import (
 )
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.solvers.interrupt import solved
-from curvcasadi.symbolic.expressions import Array, choice, expression, positive
+from curvcasadi.symbolic.expressions import Array, choice, expression, instance, positive
 
 #: What Newton's method leaves as it is.
 _ROUNDING = 1e-13
@@ -53,10 +53,18 @@ class Case(NamedTuple):
 class TrimSolver:
     """The two NLPs of a trim, built once: nearest to balance, then best."""
 
-    def __init__(self, aircraft: Aircraft, objective: Objective, hessian: Hessian) -> None:
+    def __init__(
+        self,
+        aircraft: Aircraft,
+        objective: Objective,
+        hessian: Hessian,
+        induced_flow: LiftingLine | None = None,
+    ) -> None:
         if not isinstance(aircraft, Aircraft):
             raise ValueError(f"aircraft: expected an Aircraft, found {aircraft!r}")
-        self.problem = problem = TrimProblem(aircraft)
+        if induced_flow is not None:
+            instance("induced_flow", induced_flow, LiftingLine)
+        self.problem = problem = TrimProblem(aircraft, induced_flow)
         self.objective = objective
         self._nearest = problem.nearest()
         self._best = None if objective is None else problem.best(objective, hessian)
@@ -265,7 +273,12 @@ class TrimSolver:
             if wing.strips is None:
                 continue
             deflections = {name: named[name] for name in wing.strips.inputs}
-            load = AerodynamicLoad(strips=wing.strips, flow=flow, deflections=deflections)
+            load = AerodynamicLoad(
+                strips=wing.strips,
+                flow=flow,
+                deflections=deflections,
+                induced_flow=self.problem.induced_flow,
+            )
             found[wing.name] = strip_forces(wing.beam, q[wing.name], load)
         return found
 

@@ -135,6 +135,7 @@ from curvcasadi.dynamics import (
     kinetic_energy,
     mass_matrix,
     natural_frequencies,
+    potential_energy,
     vibration_modes,
 )
 from curvcasadi.errors import ConvergenceError
@@ -376,6 +377,7 @@ __all__ = [
     "planform",
     "pose_at",
     "pose_function",
+    "potential_energy",
     "reach_shape",
     "retract",
     "rk4_step",

@@ -2,6 +2,7 @@
 
 from curvcasadi.dynamics.energy import (
     kinetic_energy,
+    potential_energy,
 )
 from curvcasadi.dynamics.forward import (
     forward_dynamics,
@@ -31,5 +32,6 @@ __all__ = [
     "kinetic_energy",
     "mass_matrix",
     "natural_frequencies",
+    "potential_energy",
     "vibration_modes",
 ]

@@ -25,10 +25,12 @@ def test_residual_mass_and_energy_are_those_of_lagrange(lagrange, kind):
 
     def found(q, q_dot, q_ddot):
         residual = cc.inverse_dynamics(beam, q, q_dot, q_ddot, WEIGHT)
-        return [residual, cc.mass_matrix(beam, q), cc.kinetic_energy(beam, q, q_dot)]
+        energies = [cc.kinetic_energy(beam, q, q_dot), cc.potential_energy(beam, q, WEIGHT)]
+        return [residual, cc.mass_matrix(beam, q), *energies]
 
-    residual, matrix, energy = evaluated(kind, values, found)
+    residual, matrix, energy, potential = evaluated(kind, values, found)
     expected = lagrange(*values)
+    close(potential, expected[3])
     close(residual, expected[0])
     close(matrix, expected[1])
     close(energy, expected[2])
@@ -180,6 +182,11 @@ def test_gravity_given_twice_is_refused():
     root = cc.RootMotion(gravity=[0, 0, 9.81])
     with pytest.raises(ValueError, match="twice"):
         cc.inverse_dynamics(wing(), *motion(), WEIGHT, root)
+
+
+def test_the_potential_of_other_loads_is_refused():
+    with pytest.raises(ValueError, match="Gravity alone"):
+        cc.potential_energy(wing(), np.zeros(N), [cc.PointForce(1.0, [0, 0, 1.0])])
 
 
 def test_wrong_shapes_and_kinds_are_named():

@@ -22,8 +22,9 @@ def lumps(beam, mesh):
         for panel in mesh.panels:
             for node, xi, weight in zip(panel.nodes, panel.xi, panel.weights, strict=True):
                 length = weight * beam.length
-                inertia = section.inertia(xi) if callable(section.inertia) else section.inertia
-                inertia = np.zeros((3, 3)) if inertia is None else inertia
+                inertia = np.zeros((3, 3))
+                if section.inertia is not None:
+                    inertia = ca.DM(section.inertia_at(xi)).full()
                 mass = section.mass_at(xi)
                 yield node, length * mass, section.center_of_mass_at(xi), length * inertia
     for body in beam.bodies:

@@ -74,7 +74,7 @@ def run_example(path: Path) -> tuple[str, list[str]]:
     shutil.rmtree(kept, ignore_errors=True)
     kept.mkdir(parents=True)
     printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
+    with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(io.StringIO()):
         runpy.run_path(str(path))["main"](kept)
     for other in (file for file in kept.iterdir() if file.suffix != ".png"):
         other.unlink()

@@ -10,7 +10,7 @@ import casadi as ca
 from curvcasadi.beam.beam import Beam
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
-from curvcasadi.dynamics import inverse_dynamics, mass_matrix
+from curvcasadi.dynamics import inverse_dynamics, inverse_dynamics_function, mass_matrix
 from curvcasadi.kinematics.pose_function import tip_function
 from curvcasadi.kinematics.shape import curvature
 from curvcasadi.statics.energy import stiffness_matrix
@@ -88,6 +88,9 @@ def beam_model(
     _refuse_unnamed(force, [*states, *symbols.values()], "an input or a parameter")
     for value in matrices:
         _refuse_unnamed(value, [q, *listed], "a parameter, as it is not a load's")
+    if not beam.design_symbols:  # of length, root and initial curvature there is AD alone
+        residual = inverse_dynamics_function(beam, loads, symbols, name=f"{name}_residual")
+        force = residual(*states, *symbols.values()) + matrix @ q_dot
     forces = ca.Function(f"{name}_forces", [*states, *symbols.values()], [force], CSE)
     masses = ca.Function(f"{name}_masses", [q, *listed], matrices, CSE)
 

@@ -52,6 +52,15 @@ def test_it_moves_as_the_equations_of_motion_say(wing, model):
     assert_allclose(xdot[6:], forward.full().ravel(), rtol=1e-9)
 
 
+def test_its_balance_carries_the_structured_derivatives(model):
+    f = model.second_order.balance
+    symbols = [ca.MX.sym(name, size) for name, size in zip("xaup", (12, 6, 3, 1), strict=True)]
+    slope = ca.jacobian(f(*symbols)[0], symbols[0])
+    names = {g.name() for g in ca.Function("J", symbols, [slope]).find_functions()}
+    assert "jac_beam_residual" in names
+    assert not any(name.startswith(("fwd", "adj")) and "element" in name for name in names)
+
+
 def test_its_layouts_name_what_the_user_named(wing, model):
     assert [part.name for part in model.x.parts] == ["q", "q_dot"]
     assert model.u.labels == ("force[0], SI", "force[1], SI", "force[2], SI")

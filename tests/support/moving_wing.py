@@ -50,7 +50,7 @@ def motion(seed=0, n=N):
 
 def close(found, expected, tolerance=1e-12):
     """Equal to a fraction of the largest entry; sums of some hundred terms lose three digits."""
-    found, expected = np.asarray(found), np.asarray(expected)
+    found, expected = (ca.DM(x).full() for x in (found, expected))
     np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * np.abs(expected).max())
 
 

@@ -16,6 +16,7 @@ from tqdm import tqdm
 
 from benchmarks import (
     accuracy,
+    air,
     alternatives,
     cost,
     dynamics,
@@ -47,6 +48,7 @@ COUNTED: tuple[Section, ...] = (
     dynamics.nodes,
     dynamics.bytes_of_c,
     dynamics.frequencies,
+    air.unsteady,
     placement.fits,
     placement.placements,
     estimation.consistency,

@@ -1,0 +1,174 @@
+"""Unsteady air against exact and published cases: sections, gusts, induced flow, flutter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.special import kv
+
+import curvcasadi as cc
+from benchmarks.statics import case, smith_wing, strip_load
+from benchmarks.table import Check, Table, checked
+from curvcasadi.aero.unsteady import UnsteadyAirload, state_rates
+from curvcasadi.dynamics.inertia import inertial_mesh
+from curvcasadi.symbolic.expressions import Array
+from tests.support.strip_wings import divergence, flutter, goland, hale
+
+#: Largest relative errors, percent, that are admitted.
+THEODORSEN = {2: 2.5, 3: 1.0, 4: 0.3}
+FLUTTER_HALE = {2: (0.6, 1.5), 3: (0.5, 0.5), 4: (0.15, 0.15)}
+FLUTTER_GOLAND = {2: (0.4, 1.2), 3: (0.3, 0.3)}
+
+
+def unsteady() -> Table:
+    """Sections, gusts, induced flow and flutter."""
+    checks = [*_sections(), *_gusts(), *_lattice(), *_flutter(), *_nodes()]
+    return checked("Unsteady air: errors in percent where nothing else is said", checks)
+
+
+def _percent(what: str, value: float, high: float) -> Check:
+    return Check(what=what, value=100 * abs(value), high=high, form="{:.3f}")
+
+
+def _sections() -> Iterator[Check]:
+    k = np.concatenate([np.geomspace(1e-4, 0.01, 20), np.linspace(0.01, 2, 400)])
+    exact = kv(1, 1j * k) / (kv(0, 1j * k) + kv(1, 1j * k))
+    for poles, limit in THEODORSEN.items():
+        error = np.abs(cc.IndicialLag(poles=poles).theodorsen(k) / exact - 1).max()
+        yield _percent(f"D23 C(k) for k up to 2, {poles} poles", float(error), limit)
+
+
+def _lift(s: Array, half_length: float, entry: cc.GustEntry, lag: cc.IndicialLag | None) -> Array:
+    """Lift coefficient of a held airfoil at `s` half chords of the gust of D21."""
+    wing = case("D21")["aero"]
+    gust = cc.OneMinusCosine(amplitude=wing["w_gust_max"], duration=2 * half_length)
+    amplitudes, rates = entry.poles
+    if lag is not None:
+        amplitudes = np.append((1 - lag.amplitudes.sum()) * amplitudes, lag.amplitudes)
+        rates = np.append(rates, lag.rates)
+    entered = len(entry.poles.rates)
+
+    def rate(now: float, x: Array) -> Array:
+        follows = np.full(len(x), x[0])
+        follows[:entered] = float(gust(now))
+        return rates * (follows - x)
+
+    run = solve_ivp(
+        rate, (0, s[-1]), np.zeros(len(rates)), t_eval=s, rtol=1e-9, atol=1e-12, max_step=0.1
+    )
+    return np.asarray(2 * np.pi / wing["U"] * (amplitudes @ run.y))
+
+
+def _gusts() -> Iterator[Check]:
+    rows = case("D21")["reference"]["Kussner_COMPUTED_incompressible"]
+    for name, half_length in (("H_pi", np.pi), ("H_8pi", 8 * np.pi)):
+        table = np.array(rows[name]["[s,dcl]"])
+        found = _lift(table[:, 0], half_length, cc.GustEntry(kind="kussner"), None)
+        yield Check(
+            what=f"D21 two Küssner states, {name}, lift coefficient",
+            value=float(np.abs(found - table[:, 1]).max()),
+            high=1e-4,
+            form="{:.1e}",
+        )
+    s = np.linspace(3, 5, 81)
+    found = _lift(s, np.pi, cc.GustEntry(kind="lag"), cc.IndicialLag(poles=3))
+    yield _percent("D21 one entry lag, H = π, peak", found.max() / rows["H_pi"]["peak"] - 1, 0.5)
+
+
+def _lattice() -> Iterator[Check]:
+    """Tips of D11 with six horseshoes over the vortex-lattice rows."""
+    rows = case("D11")["reference"]["SHARPy_UVLM_tip_(span,normal)_root_frame"]
+    limits = {"asserted": 2.0, "full_wake": 5.0, "horseshoe": 5.0}
+    for frozen in (False, True):
+        line = cc.LiftingLine(panels=6, frozen=frozen)
+        for name in ("2deg_nog", "2deg_g", "4deg_nog", "4deg_g"):
+            beam, air = smith_wing(float(name[0])), replace(strip_load(25.0), induced_flow=line)
+            loads = [air, cc.Gravity([0, 0, -9.754])] if name.endswith("_g") else [air]
+            tip = cc.solve_equilibrium(beam, loads).shape.tip.position
+            normal = float((beam.root.rotation.T @ tip)[2])
+            kind = "frozen" if frozen else "moving"
+            for key in (key for key in rows if key.startswith(f"{name}_")):
+                what = f"D11 {key}, {kind} lifting line"
+                if name == "2deg_g":
+                    off = abs(normal - rows[key][1])
+                    yield Check(what=f"{what}, m", value=off, high=0.03, form="{:.3f}")
+                    continue
+                limit = 5.0 if frozen else limits[key.removeprefix(f"{name}_")]
+                yield _percent(what, normal / rows[key][1] - 1, limit)
+
+
+def _flutter() -> Iterator[Check]:
+    exact = case("D09")["reference"]["exact_Theodorsen_strip"]["rho 0.0889"]
+
+    def model(wing: cc.Wing, density: float, poles: int, modes: int | None = 3) -> cc.ControlModel:
+        lag = cc.IndicialLag(poles=poles, modes=modes)
+        return cc.wing_model(wing, density=density, gravity=0.0, lag=lag)
+
+    found = {}
+    for poles, limits in FLUTTER_HALE.items():
+        hale_model = model(hale(), 0.0889, poles)
+        found[poles] = speed, frequency = flutter(hale_model, 31.5, 33.5)
+        yield _percent(
+            f"D09 flutter speed, {poles} poles", speed / exact["flutter_speed"] - 1, limits[0]
+        )
+        yield _percent(
+            f"D09 flutter frequency, {poles} poles",
+            frequency / exact["flutter_rad_s"] - 1,
+            limits[1],
+        )
+    diverged = divergence(hale_model, 36, 38.5)
+    yield _percent("D09 divergence speed", diverged / exact["divergence_speed"] - 1, 0.05)
+    whole = flutter(model(hale(), 0.0889, 3, None), 31.5, 33.5)
+    few = flutter(model(hale(), 0.0889, 3, 2), 31.5, 33.5)
+    for number, values, limit in ((3, found[3], 0.05), (2, few, 0.35)):
+        worst = np.abs(np.array(values) / whole - 1).max()
+        yield _percent(f"D09 {number} lag functions over a set per strip", float(worst), limit)
+
+    row = case("D12")["reference"]["exact_COMPUTED"]
+    sharpy = row["SHARPy props, rho 1.02"]
+    for poles, limits in FLUTTER_GOLAND.items():
+        speed, frequency = flutter(model(goland(), 1.02, poles), 140, 155)
+        yield _percent(f"D12 flutter speed, {poles} poles", speed / sharpy["speed"] - 1, limits[0])
+        yield _percent(
+            f"D12 flutter frequency, {poles} poles", frequency / sharpy["rad_s"] - 1, limits[1]
+        )
+    vacuum = np.array(row["vacuum coupled rad_s (SHARPy props)"])
+    frequencies = cc.natural_frequencies(goland().beam)[: len(vacuum)]
+    worst = np.abs(frequencies / vacuum - 1).max()
+    yield _percent("D12 four vacuum frequencies", float(worst), 0.1)
+
+
+def _nodes() -> Iterator[Check]:
+    """Nodes of the equations of motion of the HALE wing with 9 weights and 6 lag states.
+
+    The six aerodynamic stations divide the elements: four make ten.
+    """
+    wing = hale((3, 4, 2), 4)
+    assert wing.strips is not None
+    q, q_dot, q_ddot, states, speed = (
+        ca.SX.sym(name, size)
+        for name, size in (("q", 9), ("q_dot", 9), ("q_ddot", 9), ("lag", 6), ("airspeed", 1))
+    )
+    load = UnsteadyAirload(
+        strips=wing.strips,
+        flow=cc.Flow(density=0.0889, velocity=ca.vertcat(speed, 0, 0)),
+        lag=cc.IndicialLag(poles=2, modes=3),
+        states=states,
+    )
+    loads = [load, cc.Gravity([0, 0, 9.80665])]
+    boundaries = inertial_mesh(wing.beam, loads).stations
+    outputs = [
+        cc.inverse_dynamics(wing.beam, q, q_dot, q_ddot, loads),
+        state_rates(wing.beam, q, q_dot, load, ca.DM.eye(3), boundaries).value,
+    ]
+    residual = ca.Function("f", [q, q_dot, q_ddot, states, speed], outputs, {"cse": True})
+    yield Check(
+        what="nodes of a wing model, 9 weights, 6 lag states, six stations, four elements",
+        value=float(residual.n_instructions()),
+        high=14000,
+        form="{:.0f}",
+    )

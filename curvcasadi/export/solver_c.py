@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.solvers.embedded import EmbeddedSolver, SolverFunction
-from curvcasadi.solvers.gauss_newton import GaussNewton
+from curvcasadi.solvers.gauss_newton import STILL, GaussNewton
 from curvcasadi.solvers.qp import QP_TOLERANCES, qp_source
 from curvcasadi.solvers.stages import Rows, Stages
 from curvcasadi.symbolic.expressions import Real
@@ -137,6 +137,7 @@ class SolverC:
         direct = (problem.linearization, problem.values)
         functions = ["0", "0"] if stages else [self.symbol(f) for f in direct]
         qp = QP_TOLERANCES[self.real]
+        step = STILL * tolerances.step
         decrement = (problem.residual_unit or 0) * tolerances.decrement
         fields = [
             *(n, m, f"{name}_row", f"{name}_col", max(periods[0], 1), max(periods[1], 1)),
@@ -145,8 +146,8 @@ class SolverC:
             *(f"&{name}_stages" if stages else "0", self._stage_reals),
             *(problem.iterations or 0, problem.passes, problem.halvings, self.changes),
             *map(_real, qp),
-            *map(_real, (tolerances.step, tolerances.stationarity, tolerances.limit)),
-            *map(_real, (tolerances.flat, decrement)),
+            *map(_real, (step, tolerances.stationarity, tolerances.limit)),
+            *map(_real, (tolerances.flat, problem.enough, decrement)),
         ]
         return [*lines, _struct("gn_problem", f"{name}_problem", fields)]
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam.beam import Beam
-from curvcasadi.ocp.limits import Regularizer, regularizer_matrix, shape_limits
+from curvcasadi.beam.beam import Beam, numeric_length
+from curvcasadi.ocp.limits import Limits, Regularizer, regularizer_matrix, shape_limits
 from curvcasadi.ocp.targets import (
     Residuals,
     Target,
@@ -16,10 +18,13 @@ from curvcasadi.ocp.targets import (
     residuals,
     rest_values,
     rotations_defect,
+    slopes,
 )
 from curvcasadi.solvers.certificate import TOLERANCES, Bounds, larger
+from curvcasadi.solvers.embedded import EmbeddedSolver, solver_function
+from curvcasadi.solvers.gauss_newton import GaussNewton
 from curvcasadi.solvers.settings import SqpSettings, sqp_settings
-from curvcasadi.solvers.sqp import gauss_newton_sqp
+from curvcasadi.solvers.stages import linearization
 from curvcasadi.symbolic.expressions import Number, Real, function_name, positive
 
 #: (weight of the preference in the objective, the same in the Hessian), stage by stage. From a
@@ -32,6 +37,10 @@ _STAGES: dict[Real, tuple[tuple[float, float], ...]] = {
     "float": ((1e-3, 1e-3), (1e-4, 2e-4), (0.0, 3e-8)),
 }
 _PREFERENCE_ONLY = ((1.0, 1.0),)
+#: Part of its tolerance to which a stage is solved: a weak preference hides in more.
+_ENOUGH: dict[Real, float] = {"double": 1e-5, "float": 0.03}
+#: Of the guess where the solver converges, times the length, rad.
+_BEND = 1e-5
 
 
 def shape_target_function(
@@ -44,6 +53,7 @@ def shape_target_function(
     regularization: float = 1e-8,
     iterations: int | None = None,
     max_iter: int = 100,
+    damping: float = 0.0,
     qp_solver: str = "own",
     settings: SqpSettings | None = None,
 ) -> ca.Function:
@@ -54,7 +64,7 @@ def shape_target_function(
 
         ½ |e|² + y·e + a (½ Σ weight (|Δp|²/L² + |Δφ|²) + ½ regularization qᵀ W q)
 
-    by Gauss–Newton `sqpmethod`, within the bounds of `reach_shape`; a falls to zero.
+    by Gauss–Newton, within the bounds of `reach_shape`; a falls to zero.
     One solver serves all stages, so that generated C holds it once. Redundant targets are no
     obstacle. It follows one guess into one valley: `reach_shape` tries several, and finds the
     nearest shape to unreachable targets, which this need not. Where every target is weighted there
@@ -80,10 +90,12 @@ def shape_target_function(
     max_iter : int
         Iterations of one stage at most; there are six stages (with `Grid(real="float")` three), or
         one.
+    damping : float
+        Weight of ½ (q − q_guess)ᵀ W (q − q_guess) in every program, dimensionless: steps stay near
+        the guess where targets hardly see. A converged shape is the same with any.
     qp_solver : str
-        "qrqp", which alone becomes self-contained C; where curvature bounds or element angles are
-        active it may give up, and `violation` says so: "qpoases" does not. Without weight bounds
-        that keep the elements within their angle, these are constraints, which cost much.
+        "own" becomes self-contained C; in Python it is CasADi's DAQP on the same numbers. Or
+        another of CasADi's QP solvers, such as "qpoases", for Python alone.
     settings : SqpSettings, optional
         Values of iterations, max_iter and qp_solver in one object, in place of these.
 
@@ -105,73 +117,184 @@ def shape_target_function(
     targets = checked_problem(beam, targets)
     solving = sqp_settings(settings, iterations=iterations, max_iter=max_iter, qp_solver=qp_solver)
     positive("regularization", regularization)
+    positive("damping", damping, zero=True)
     q = ca.MX.sym("q", beam.basis.n)
-    limits = shape_limits(beam, q, curvature_bound)
     problem = residuals(beam, targets, q)
-    constrained = len(problem.tolerances) > 0
-    weighted = problem.weighted.numel() > 0
-    preference = regularizer_matrix(beam, regularizer) * (regularization if weighted else 1.0)
-
-    values = ca.veccat(problem.positions, problem.rotations)
-    # An inner station moves less than the tip: as it is, its error would yield to the preference.
-    to_meet = problem.to_meet / ca.DM(problem.leverages)
-    multipliers = ca.MX.sym("multipliers", to_meet.numel())
-    in_objective, in_hessian = ca.MX.sym("a"), ca.MX.sym("b")
-    parameters = ca.vertcat(values, multipliers, in_objective, in_hessian)
-    objective = ca.sumsqr(to_meet) / 2 + ca.dot(multipliers, to_meet)
-    objective += in_objective * (ca.sumsqr(problem.weighted) + q.T @ preference @ q) / 2
-    jacobian, weighted_jacobian = (ca.jacobian(part, q) for part in (to_meet, problem.weighted))
-    hessian = jacobian.T @ jacobian
-    hessian += in_hessian * (weighted_jacobian.T @ weighted_jacobian + preference)
-    if solving.iterations is not None and constrained:
+    if solving.iterations is not None and len(problem.tolerances):
         raise ValueError(
             "iterations: expected None, or a weight for every target (least squares): targets to "
             "be met take several stages"
         )
-    at_rest = rest_values(beam, targets)
-    solver = gauss_newton_sqp(
-        name + "_stage",
-        q,
-        parameters,
-        objective,
-        hessian,
-        limits.expression,
-        Bounds(*beam.bounds, limits.lower, limits.upper),
-        nominal=(0, ca.vertcat(at_rest, ca.DM.zeros(multipliers.shape), 1, 1)),
+    preference = regularizer_matrix(beam, regularizer)
+    limits = shape_limits(beam, q, curvature_bound)
+    rounds = _STAGES[beam.grid.real] if len(problem.tolerances) else _PREFERENCE_ONLY
+    described = _Linearized(
+        beam=beam,
+        targets=targets,
+        q=q,
+        problem=problem,
+        preference=preference * (float(regularization) if problem.weighted.numel() else 1.0),
+        damping=preference * float(damping),
+        limits=limits,
+    )
+    unit = 1 / described.largest()
+    linearized = described.function(f"{name}_linearization", unit)
+    solver = GaussNewton(
+        name=f"{name}_stage",
+        linearization=linearized,
+        values=ca.Function(
+            f"{name}_values",
+            [q, linearized.mx_in(1)],
+            [ca.densify(limits.expression), ca.MX(0, 1)],
+        ),
+        bounds=Bounds(*beam.bounds, limits.lower, limits.upper),
         real=beam.grid.real,
-        residual_unit=max([1.0, *(np.sqrt(t.weight) for t in targets if t.weight is not None)]),
-        scaled=beam.grid.real == "float" or not constrained,
+        residual_unit=_residual_unit(targets) * unit**0.5,
+        enough=_ENOUGH[beam.grid.real] if len(rounds) > 1 else 0.1,
         **vars(solving),
     )
-
-    guess = ca.MX.sym("q_guess", beam.basis.n)
-    best, y = guess, ca.MX.zeros(*multipliers.shape)
-    error = ca.Function(name + "_error", [q, values], [to_meet])
-    weight = None
-    excess, left = [], []
-    for a, b in _STAGES[beam.grid.real] if constrained else _PREFERENCE_ONLY:
-        y = y * (a / weight) if weight else y
-        stage = solver(best, ca.vertcat(values, y, a, b))
-        best = stage.x
-        y, weight = y + error(best, values), a
-        excess.append(stage.violation)
-        left.append(stage.stationarity)
-    outputs = ca.Function(
-        name + "_outcome", [q, values], [problem.distances, problem.angles, _miss(problem)]
+    bend = 0.0 if solving.iterations else _BEND / numeric_length(beam, "a shape target")
+    begin, finish = _ends(name, beam, problem, rounds[0], q, bend)
+    steps = [(a / last, a, b) for (last, _), (a, b) in pairwise(rounds)]
+    return solver_function(
+        name,
+        EmbeddedSolver(
+            problem=solver,
+            begin=begin,
+            finish=finish,
+            advance=_advance(name, problem, q),
+            rounds=steps,
+        ),
     )
-    distances, angles, miss = outputs(best, values)
-    limit = TOLERANCES[beam.grid.real].limit
-    inputs = {"q_guess": guess, "positions": problem.positions, "rotations": problem.rotations}
-    used = {key: symbol for key, symbol in inputs.items() if symbol.numel()}
+
+
+def _residual_unit(targets: Sequence[Target]) -> float:
+    """Size of a unit of the largest residual in the objective."""
+    return max([1.0, *(float(t.weight) ** 0.5 for t in targets if t.weight is not None)])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Linearized:
+    """One stage at q; its parameters are values of the targets, multipliers y, a and b."""
+
+    beam: Beam
+    targets: list[Target]
+    q: ca.MX
+    problem: Residuals
+    preference: ca.DM
+    damping: ca.DM
+    limits: Limits
+
+    def largest(self) -> float:
+        """Largest diagonal entry of the Hessian at rest."""
+        f = self.function("at_rest", 1.0)
+        multipliers = ca.DM.zeros(self.problem.to_meet.numel())
+        at = f(0, ca.vertcat(rest_values(self.beam, self.targets), multipliers, 1, 1))
+        return float(ca.mmax(ca.diag(at[2])))
+
+    def function(self, name: str, unit: float) -> ca.Function:
+        """(q, parameters) -> objective, gradient, hessian, values, slopes: over `unit`."""
+        y = ca.MX.sym("multipliers", self.problem.to_meet.numel())
+        a, b = ca.MX.sym("a"), ca.MX.sym("b")
+        (e, e_q), (w, w_q) = slopes(self.beam, self.targets, self.q, self.problem)
+        # An inner station moves less than the tip: as it is, its error would yield to the rest.
+        arms = ca.DM(self.problem.leverages)
+        e, e_q = e / arms, e_q / ca.repmat(arms, 1, e_q.shape[1])
+        preferred = self.preference @ self.q
+        values = ca.veccat(*_symbols(self.problem))
+        objective = ca.sumsqr(e) / 2 + ca.dot(y, e)
+        objective += a * (ca.sumsqr(w) + ca.dot(self.q, preferred)) / 2
+        gradient = e_q.T @ (e + y) + a * (w_q.T @ w + preferred)
+        hessian = e_q.T @ e_q + b * (w_q.T @ w_q + self.preference) + self.damping
+        constraints = self.limits.expression
+        outputs = [objective, gradient, hessian, constraints, ca.jacobian(constraints, self.q).T]
+        graph = ca.Function(
+            "stage", [self.q, *_symbols(self.problem), y, a, b], [unit * x for x in outputs[:3]]
+        )
+        limits = ca.Function("limits", [self.q], outputs[3:])
+        x, stacked = ca.MX.sym("x", self.q.numel()), ca.MX.sym("p", values.numel() + y.numel() + 2)
+        ends = np.cumsum([0, values.numel(), y.numel(), 1, 1]).tolist()
+        pieces = ca.vertsplit(stacked, ends)
+        shaped = _shaped(self.problem, pieces[0])
+        at = [*graph(x, *shaped, *pieces[1:]), *limits(x)]
+        return linearization(name, x, stacked, *at)
+
+
+def _ends(
+    name: str, beam: Beam, problem: Residuals, first: tuple[float, float], q: ca.MX, bend: float
+) -> tuple[ca.Function, ca.Function]:
+    """What the solver begins from, and what is made of its solution."""
+    given = {"q_guess": ca.MX.sym("q_guess", beam.basis.n)}
+    given |= {"positions": problem.positions, "rotations": problem.rotations}
+    inputs = {key: symbol for key, symbol in given.items() if symbol.numel()}
+    values = ca.veccat(problem.positions, problem.rotations)
+    multipliers = ca.DM.zeros(problem.to_meet.numel())
+    lower, upper = (ca.DM(side) for side in beam.bounds)
+    kept = ca.fmin(ca.fmax(inputs["q_guess"], lower), upper)
+    begin = ca.Function(
+        f"{name}_solver_begin",
+        [*inputs.values()],
+        [kept + _slight(beam.basis.n, bend), ca.vertcat(values, multipliers, *first)],
+        [*inputs],
+        ["start", "parameters"],
+    )
+    found, states = ca.MX.sym("found", beam.basis.n), ca.MX.sym("states", 0, 1)
+    excess, distance, before = (ca.MX.sym(key) for key in ("excess", "distance", "before"))
+    outcome = ca.Function(
+        f"{name}_outcome", [q, values], [problem.distances, problem.angles, _miss(problem)]
+    )
+    distances, angles, miss = outcome(found, values)
     results = {
-        "q": best,
+        "q": found,
         "distances": distances,
         "angles": angles,
-        "violation": larger(miss, excess[-1] / limit),
-        "stationarity": larger(left[-1], left[max(len(left) - 2, 0)]),
+        "violation": larger(miss, excess / TOLERANCES[beam.grid.real].limit),
+        "stationarity": larger(distance, before),
     }
-    kept = {key: value for key, value in results.items() if value.numel()}
-    return ca.Function(name, [*used.values()], [*kept.values()], [*used], [*kept])
+    given = {key: value for key, value in results.items() if value.numel()}
+    finish = ca.Function(
+        f"{name}_solver_finish",
+        [*inputs.values(), found, states, excess, distance, before],
+        [*given.values()],
+        [*inputs, "found", "states", "excess", "distance", "before"],
+        [*given],
+    )
+    return begin, finish
+
+
+def _slight(n: int, bend: float) -> ca.DM:
+    """A bend that no symmetry has: steps from a symmetric guess would never leave it."""
+    return ca.DM(bend * np.random.default_rng(0).uniform(0.5, 1, n) * (-1) ** np.arange(n))
+
+
+def _advance(name: str, problem: Residuals, q: ca.MX) -> ca.Function:
+    """(q, parameters, (a over the last one, a, b)) -> parameters of the next stage: y ← y + e."""
+    values = ca.veccat(problem.positions, problem.rotations)
+    y, last = ca.MX.sym("multipliers", problem.to_meet.numel()), ca.MX.sym("last", 2)
+    settings = ca.MX.sym("settings", 3)
+    error = problem.to_meet / ca.DM(problem.leverages)
+    following = ca.vertcat(values, settings[0] * (y + error), settings[1:])
+    parts = [values, y, last]
+    stacked = ca.MX.sym("parameters", sum(part.numel() for part in parts))
+    graph = ca.Function("advance", [q, *_symbols(problem), y, last, settings], [following])
+    pieces = ca.vertsplit(stacked, [0, *np.cumsum([part.numel() for part in parts]).tolist()])
+    positions, rotations = _shaped(problem, pieces[0])
+    return ca.Function(
+        f"{name}_solver_advance",
+        [q, stacked, settings],
+        [graph(q, positions, rotations, *pieces[1:], settings)],
+    )
+
+
+def _symbols(problem: Residuals) -> list[ca.MX]:
+    return [problem.positions, problem.rotations]
+
+
+def _shaped(problem: Residuals, values: ca.MX) -> list[ca.MX]:
+    """Positions and rotations of their stacked values."""
+    size = problem.positions.numel()
+    pieces = values[:size], values[size:]
+    return [ca.reshape(v, *s.shape) for v, s in zip(pieces, _symbols(problem), strict=True)]
 
 
 def _miss(problem: Residuals) -> ca.MX:

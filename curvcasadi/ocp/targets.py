@@ -9,8 +9,10 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam, numeric_length
+from curvcasadi.kinematics.element import ON_GROUP
 from curvcasadi.kinematics.pose_function import pose_function
 from curvcasadi.lie import so3
+from curvcasadi.ocp.pose_error import attitude_error, position_error
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
@@ -148,6 +150,37 @@ def residuals(beam: Beam, targets: Sequence[Target], q: ca.MX) -> Residuals:
         weighted=_stack(parts["weighted"]),
         distances=_stack(parts["distances"]),
         angles=_stack(parts["angles"]),
+    )
+
+
+def slopes(
+    beam: Beam, targets: Sequence[Target], q: ca.MX, problem: Residuals
+) -> tuple[tuple[ca.MX, ca.MX], tuple[ca.MX, ca.MX]]:
+    """(errors to meet, their slopes by q), (weighted ones, theirs), of one march along the beam."""
+    if beam.grid.exponential not in ON_GROUP:
+        both = problem.to_meet, problem.weighted
+        return tuple((e, ca.densify(ca.jacobian(e, q))) for e in both)  # type: ignore[return-value]
+    length, n = numeric_length(beam, "a shape target"), beam.basis.n
+    stations = sorted({float(target.xi) for target in targets})
+    poses = pose_function("target_poses", beam, stations, jacobian=True)
+    position, rotation, jacobian = poses(q)
+    columns = iter(ca.horzsplit(problem.positions))
+    frames = iter(ca.horzsplit(problem.rotations, 3))
+    met: list[tuple[ca.MX, ca.MX]] = [(ca.MX(0, 1), ca.MX(0, n))]
+    weighted = [*met]
+    for target in targets:
+        k = stations.index(float(target.xi))
+        R, J = rotation[:, 3 * k : 3 * k + 3], jacobian[6 * k : 6 * k + 6, :]
+        found, to = [], met if target.weight is None else weighted
+        if target.position is not None:
+            error, slope = position_error(n)(position[:, k], R, J, next(columns))
+            found.append((error / length, slope / length))
+        if target.rotation is not None:
+            found.append(attitude_error(n)(R, J, so3.orthonormal(next(frames))))
+        scale = 1.0 if target.weight is None else float(target.weight) ** 0.5
+        to += [(scale * error, scale * slope) for error, slope in found]
+    return tuple(  # type: ignore[return-value]
+        tuple(ca.vertcat(*parts) for parts in zip(*pairs, strict=True)) for pairs in (met, weighted)
     )
 
 

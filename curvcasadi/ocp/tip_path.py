@@ -8,6 +8,7 @@ import numpy as np
 from curvcasadi.control.model import ControlModel
 from curvcasadi.control.step import rk4_step
 from curvcasadi.lie import so3
+from curvcasadi.ocp.pose_error import attitude_error, position_error
 from curvcasadi.ocp.targets import rotations_defect
 from curvcasadi.solvers.certificate import TOLERANCES, Bounds, larger
 from curvcasadi.solvers.embedded import EmbeddedSolver, solver_function
@@ -222,39 +223,20 @@ def _stage_error(
     x, p = ca.MX.sym("x", model.x.size), ca.MX.sym("p", model.p.size)
     goals = [ca.MX.sym("position", 3), *([ca.MX.sym("rotation", 3, 3)] if attitude_scale else [])]
     if model.pose is not None:
-        weighted = _pose_error(model.x.size, position_scale, attitude_scale)
-        outputs = weighted.call([*model.pose.call([x]), *goals])
-        return ca.Function(name, [x, p, *goals], outputs)
+        position, rotation, jacobian = model.pose.call([x])
+        error, slope = position_error(x.numel())(position, rotation, jacobian, goals[0])
+        error, slope = position_scale * error, position_scale * slope
+        if attitude_scale:
+            turned, by_x = attitude_error(x.numel())(rotation, jacobian, goals[1])
+            error = ca.vertcat(error, attitude_scale * turned)
+            slope = ca.vertcat(slope, attitude_scale * by_x)
+        return ca.Function(name, [x, p, *goals], [error, slope])
     y = model.y.split(model.output(x, ca.MX.zeros(model.u.size), p))
     error = position_scale * (y["position"] - goals[0])
     if attitude_scale:
         turned = so3.log_error(ca.reshape(y["rotation"], 3, 3), goals[1])
         error = ca.vertcat(error, attitude_scale * turned)
     return ca.Function(name, [x, p, *goals], [error, ca.densify(ca.jacobian(error, x))])
-
-
-def _pose_error(n: int, position_scale: float, attitude_scale: float) -> ca.Function:
-    """(position, rotation, body Jacobian, and those desired) -> weighted error, its slope.
-
-    Of a body twist (ω, v) the position changes by R v, and the error log(R_dᵀ R) as of R exp([ω×]).
-    """
-    position, rotation, jacobian = (
-        ca.SX.sym(key, *shape) for key, shape in (("p", (3, 1)), ("R", (3, 3)), ("J", (6, n)))
-    )
-    desired_position, desired_rotation = ca.SX.sym("p_d", 3), ca.SX.sym("R_d", 3, 3)
-    turn = ca.SX.sym("turn", 3)
-    turned = so3.log_error(rotation @ (ca.SX.eye(3) + so3.hat(turn)), desired_rotation)
-    attitude, by_turn = (
-        ca.substitute(part, turn, ca.SX.zeros(3)) for part in (turned, ca.jacobian(turned, turn))
-    )
-    error = position_scale * (position - desired_position)
-    slope = (position_scale * rotation) @ jacobian[3:, :]
-    inputs = [position, rotation, jacobian, desired_position]
-    if attitude_scale:
-        error = ca.vertcat(error, attitude_scale * attitude)
-        slope = ca.vertcat(slope, (attitude_scale * by_turn) @ jacobian[:3, :])
-        inputs.append(desired_rotation)
-    return ca.Function("pose_error", inputs, [error, slope], {"cse": True})
 
 
 def _stage_step(name: str, model: ControlModel, dt: float) -> ca.Function:

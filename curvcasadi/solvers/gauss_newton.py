@@ -6,8 +6,8 @@ constraints and their slopes A. A step d solves
     min ½ dᵀH d + gᵀd   within the limits of x + d and c + A d
 
 A number of steps is taken in full (real-time iterations); otherwise steps are halved until the
-objective and σ times the violation fall, and end at the optimality conditions. `Solver` is this on
-a host, with a QP solver of CasADi; generated C does the same with its own.
+objective and σ times the violation fall, and the next ones are damped, up to the optimality
+conditions. On a host a QP solver of CasADi takes the programs; generated C has its own.
 """
 
 from __future__ import annotations
@@ -35,8 +35,11 @@ _PLUGINS: dict[str, tuple[str, dict[str, Any]]] = {
 ARMIJO = 1e-4
 #: Penalty of violations over the largest multiplier.
 PENALTY = 1.5
-#: Part of its tolerance at which a solution is called one: then no more steps are taken.
-ENOUGH = 0.1
+#: Factor of the damping where a step was too long, and divisor where it was not; the least that
+#: counts, over the largest entry of the Hessian at rest.
+DAMPING, LEAST_DAMPING = 4.0, 1e-7
+#: Part of the tolerance of steps at which no more are taken.
+STILL = 0.01
 #: Between limits that coincide: DAQP refuses equalities that depend on each other.
 _ROOM = 1e-10
 #: Beyond all that is computed.
@@ -76,6 +79,8 @@ class GaussNewton:
     residual_unit : float or None
         Size of a unit in the objective ½ |residual|²; the certificate then asks, too, what a
         Newton step would still take from the residual where the objective is soft.
+    enough : float
+        Part of their tolerances at which it converged: no more steps are taken then.
     stages : Stages or None
         Where the linearization is condensed of.
     qp_solver : str
@@ -91,6 +96,7 @@ class GaussNewton:
     max_iter: int = 100
     halvings: int = 10
     residual_unit: float | None = None
+    enough: float = 0.1
     stages: Stages | None = None
     qp_solver: str = OWN
 
@@ -216,7 +222,7 @@ class GaussNewton:
     @property
     def _layout(self) -> dict[str, int]:
         n = self.n
-        numbers = ("shrink", "merit", "change", "penalty", "halved", "distance", "done")
+        numbers = ("shrink", "merit", "change", "penalty", "damping", "halved", "distance", "done")
         return {"tried": n, "x": n, "d": n, "multipliers": n + self.m, **dict.fromkeys(numbers, 1)}
 
     def parts(self, state: ca.MX) -> dict[str, ca.MX]:
@@ -259,7 +265,8 @@ class GaussNewton:
         c = symbols[3]
         excess = ca.sum1(ca.fabs(c - ca.fmin(ca.fmax(c, lower), upper))) if self.m else ca.MX(0)
 
-        shorter = {"shrink": s["shrink"] / 2, "halved": s["halved"] + 1}
+        more = ca.fmax(DAMPING * s["damping"], LEAST_DAMPING)
+        shorter = {"shrink": s["shrink"] / 2, "halved": s["halved"] + 1, "damping": more}
         again = s | shorter | {"tried": self.within(s["x"] + shorter["shrink"] * s["d"])}
         halve = ca.Function(f"{self.name}_halve", [state, *symbols], [self._state(**again)])
         accept = ca.Function(
@@ -282,10 +289,13 @@ class GaussNewton:
         stationarity = self.distance(H, g, At, here, s["multipliers"])
         violation = self.violation(x, c) / self.tolerances.limit
         moved = s["shrink"] * ca.norm_inf(s["d"])
-        still = ca.logic_and(s["shrink"] > 0, moved <= self.tolerances.step)
-        is_done = ca.logic_or(larger(stationarity, violation) <= ENOUGH, still)
+        still = ca.logic_and(s["shrink"] > 0, moved <= STILL * self.tolerances.step)
+        is_done = ca.logic_or(larger(stationarity, violation) <= self.enough, still)
         same = s | {"x": x, "distance": stationarity}
-        d, multipliers, _ = self.step(x, at)
+        full = s["halved"] < 1
+        damping = ca.if_else(full, s["damping"] / DAMPING, s["damping"])
+        damping = ca.if_else(damping < LEAST_DAMPING, 0, damping)
+        d, multipliers, _ = self.step(x, [f, g, H + damping * ca.DM.eye(self.n), c, At])
         largest = ca.norm_inf(multipliers[self.n :]) if self.m else ca.MX(0)
         penalty = ca.fmax(s["penalty"], PENALTY * largest)
         on = same | {
@@ -294,6 +304,7 @@ class GaussNewton:
             "multipliers": multipliers,
             "shrink": ca.MX(1),
             "halved": ca.MX(0),
+            "damping": damping,
             "penalty": penalty,
             "merit": f + penalty * excess,
             "change": ca.dot(g, d) - penalty * excess,

@@ -88,6 +88,26 @@ def test_a_tip_path_solver_compiles_and_agrees(tmp_path):
     assert max(errors.values()) <= 1e-7
 
 
+def test_a_float_solver_works_from_the_straight_wing(tmp_path):
+    """Swept, with dihedral, splines and washout; where a solver divided by a denormal once."""
+    rotation = cc.wing_root(side="right", sweep=np.deg2rad(15), dihedral=np.deg2rad(3)).rotation
+    beam = cc.Beam(
+        length=7.4,
+        root=cc.Pose(rotation=rotation, position=[0, 0, 0]),
+        basis=cc.ChannelBasis(torsion=cc.BSpline(5), out_of_plane=cc.BSpline(6)),
+        grid=cc.Grid.uniform(20, real="float"),
+        initial_curvature=[-0.007, 0, 0],
+        weight_bounds=0.3,
+    )
+    target = cc.Target(xi=1.0, position=[0, 0, 0], weight=1.0)
+    options = {"regularization": 1e-3, "name": "rti", "iterations": 1}
+    f = cc.shape_target_function(beam, [target], **options)
+    goal = cc.pose_at(beam, np.full(11, 0.02), 1.0).position
+    samples = {"rti": [[np.zeros(11), goal]]}
+    export_c([f], tmp_path, real="float", beam=beam, reference_inputs=samples)
+    assert max(run_check(tmp_path).values()) <= 1e-3  # the check's own limit for solvers
+
+
 def test_the_check_program_fails_on_a_wrong_reference(tmp_path):
     export_c([_small()], tmp_path, reference_inputs={"small": [[[0.25, 0.5]]]})
     program = tmp_path / "check.c"

@@ -261,7 +261,7 @@ def test_inputs_and_outputs_are_named_by_what_is_asked_for(solver):
 
 def test_the_solver_uses_the_structured_jacobian(solver):
     names = {f.name() for f in solver("pose").find_functions()}
-    assert "jac_target_poses" in names
+    assert "target_poses" in names
     assert not [n for n in names if n.startswith(("fwd", "adj")) and "element" in n]
 
 

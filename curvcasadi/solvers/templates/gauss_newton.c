@@ -2,13 +2,14 @@
 
    At x a problem is its linearization: objective f, gradient g, Hessian H, values c of the constraints
    and their slopes A. Steps solve the quadratic program of that point. A number of steps is taken in
-   full; otherwise steps are halved until the objective and a penalty of violations fall. The result is
-   judged by its own numbers: violation of the limits, and distance from the optimality conditions. */
+   full; otherwise steps are halved until the objective and a penalty of violations fall, and the next
+   ones are damped. The result is judged by its own numbers: violation of the limits, and distance from the optimality conditions. */
 
 #define GN_FAR ((qp_real)1e30)
 #define GN_ARMIJO ((qp_real)1e-4)
 #define GN_PENALTY ((qp_real)1.5)
-#define GN_ENOUGH ((qp_real)0.1)
+#define GN_DAMPING ((qp_real)4)
+#define GN_LEAST_DAMPING ((qp_real)1e-7)
 
 /* A generated function */
 typedef int (*gn_function)(const qp_real **arg, qp_real **res, int *iw, qp_real *w, int mem);
@@ -36,6 +37,7 @@ typedef struct {
   int passes, halvings, changes;
   qp_real reach, primal, dual;            /* of quadratic programs */
   qp_real step, stationarity, limit, flat; /* that count as none */
+  qp_real enough;                         /* part of tolerances at which it converged */
   qp_real decrement;                      /* of a residual; 0: not asked for */
 } gn_problem;
 
@@ -253,7 +255,7 @@ static qp_real gn_largest(int n, const qp_real *x) {
 /* Steps until the optimality conditions hold */
 static int gn_converge(gn_state *s, gn_judgement *found) {
   const gn_problem *p = s->problem;
-  qp_real shrink = 0, merit = GN_FAR, change = 0, penalty = 0;
+  qp_real shrink = 0, merit = GN_FAR, change = 0, penalty = 0, damping = 0;
   int i, k, halved = 0, is_done = 0, failed = 0;
   qp_zero(p->n + p->m, s->lam);
   for (i = 0; i < p->n; ++i) {
@@ -270,6 +272,7 @@ static int gn_converge(gn_state *s, gn_judgement *found) {
     if (!(s->at.f + penalty * excess <= allowed) && halved < p->halvings) {
       shrink /= 2;
       ++halved;
+      damping = gn_larger(GN_DAMPING * damping, GN_LEAST_DAMPING);
       gn_try(s, shrink);
     } else {
       const qp_real moved = shrink * gn_largest(p->n, s->d);
@@ -277,10 +280,16 @@ static int gn_converge(gn_state *s, gn_judgement *found) {
         s->x[i] = s->tried[i];
       }
       found->distance = gn_distance(s, s->x, 0);
-      is_done = gn_larger(found->distance, gn_violation(s, s->x) / p->limit) <= GN_ENOUGH;
+      is_done = gn_larger(found->distance, gn_violation(s, s->x) / p->limit) <= p->enough;
       is_done = is_done || (shrink > 0 && moved <= p->step);
       if (!is_done) {
-        const qp_status status = gn_step(s, s->x, k == 0);
+        qp_status status;
+        damping = halved < 1 ? damping / GN_DAMPING : damping;
+        damping = damping < GN_LEAST_DAMPING ? 0 : damping;
+        for (i = 0; i < p->n; ++i) {
+          s->at.h[QP_PACKED(i) + i] += damping;
+        }
+        status = gn_step(s, s->x, k == 0);
         if (status != QP_SOLVED) {
           is_done = 1;
           found->distance = GN_FAR;

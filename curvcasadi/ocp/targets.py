@@ -176,7 +176,8 @@ def slopes(
             error, slope = position_error(n)(position[:, k], R, J, next(columns))
             found.append((error / length, slope / length))
         if target.rotation is not None:
-            found.append(attitude_error(n)(R, J, so3.orthonormal(next(frames))))
+            turned, by_q = attitude_error(n)(R, J, so3.orthonormal(next(frames)))
+            found.append((turned, by_q))
         scale = 1.0 if target.weight is None else float(target.weight) ** 0.5
         to += [(scale * error, scale * slope) for error, slope in found]
     return tuple(  # type: ignore[return-value]

@@ -145,11 +145,14 @@ def free_forward_dynamics(
         Rates of the components of `velocity`.
     """
     size = 6 + weights_of(aircraft)
+    rest = ca.DM.zeros(size)
+    for wing in free_motion(aircraft, q, velocity, rest, attitude, gravity, loads).wings:
+        wing.system.refuse_accelerations()
     bias = free_inverse_dynamics(
         aircraft,
         q,
         velocity,
-        ca.DM.zeros(size),
+        rest,
         attitude=attitude,
         inputs=inputs,
         gravity=gravity,

@@ -29,7 +29,7 @@ def forward_dynamics(
     q, q_dot : SX, MX, DM or array, shape (n, 1)
         Weights, rad/m, and their rates.
     loads : sequence of loads
-        As for `inverse_dynamics`.
+        As for `inverse_dynamics`, without loads that depend on accelerations.
     root : RootMotion, optional
         How the root moves, and gravity if `loads` have none; a clamped root unless given.
 
@@ -41,7 +41,8 @@ def forward_dynamics(
     Raises
     ------
     ValueError
-        As `inverse_dynamics`, and if the masses are fewer than the weights.
+        As `inverse_dynamics`; if the masses are fewer than the weights, or a load depends on
+        accelerations.
     """
     states = system.weights(beam, q=q, q_dot=q_dot)
     built = system.build(beam, loads, root, states)
@@ -51,6 +52,7 @@ def forward_dynamics(
 def accelerations(built: system.System, q: AnyExpr, q_dot: AnyExpr) -> AnyExpr:
     """Accelerations (n, 1) by the mass matrix and the residual without acceleration."""
     mass.check_invertible(built)
+    built.refuse_accelerations()
     n = built.beam.basis.n
     bias = inverse.balance(built, q, q_dot, ca.DM.zeros(n)).residual
     return mass.ldl_solve(n)(mass.packed_mass_matrix(built, q), -bias)

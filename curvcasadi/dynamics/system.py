@@ -56,6 +56,14 @@ class System(NamedTuple):
         """Body twist of the root, (6, 1), root axes."""
         return ca.densify(_adjoint(self.beam.root.inverse()) @ self.parent.twist)
 
+    def refuse_accelerations(self) -> None:
+        """Refuse loads that depend on accelerations: their apparent mass is not in the matrices."""
+        if any(formula.order > 1 for acting in self.loads for formula, _ in acting):
+            raise ValueError(
+                "loads: expected loads that do not depend on accelerations, found one with an "
+                "apparent mass; solve inverse_dynamics for the accelerations instead"
+            )
+
     def to_parent(self, wrench: AnyExpr) -> AnyExpr:
         """A wrench (6, 1) in root axes at the root, in parent axes at the parent's origin."""
         rotation, position = self.beam.root.rotation, self.beam.root.position

@@ -142,6 +142,12 @@ def test_derivatives_of_forward_dynamics_are_those_of_its_expression(form):
     assert "jac_forward_dynamics" in {g.name() for g in jacobian.find_functions()}
 
 
+def test_forward_dynamics_refuse_loads_that_have_mass():
+    q, q_dot, _ = motion()
+    with pytest.raises(ValueError, match="do not depend on accelerations"):
+        cc.forward_dynamics(wing(), q, q_dot, [Drag(0.1)])
+
+
 def test_casadi_uses_the_attached_derivative_and_second_derivatives_follow():
     f = cc.inverse_dynamics_function(wing(), WEIGHT)
     x = [ca.MX.sym(name, N) for name in STATES]

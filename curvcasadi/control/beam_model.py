@@ -84,7 +84,7 @@ def beam_model(
     stiffness = ca.MX(ca.densify(stiffness_matrix(beam)))
     matrix = _damping(damping, n, stiffness)
     force = inverse_dynamics(beam, q, q_dot, q_ddot, loads) + matrix @ q_dot
-    matrices = [ca.MX(ca.densify(mass_matrix(beam, q))), matrix, stiffness]
+    matrices = [ca.MX(ca.densify(mass_matrix(beam, q, loads))), matrix, stiffness]
     _refuse_unnamed(force, [*states, *symbols.values()], "an input or a parameter")
     for value in matrices:
         _refuse_unnamed(value, [q, *listed], "a parameter, as it is not a load's")

@@ -34,6 +34,9 @@ nonlinear beams for very flexible aircraft modeling") and their names here
 | segment length (section 3.1) | `elements_for` |
 """
 
+from typing import TYPE_CHECKING as _TYPE_CHECKING
+from typing import Any as _Any
+
 from curvcasadi import errors as _errors  # first: how the command ends at Ctrl-C  # noqa: F401
 
 # isort: split
@@ -214,6 +217,7 @@ from curvcasadi.sensors import (
     measurement_residual,
     sensor_channels,
 )
+from curvcasadi.solvers import SqpSettings
 from curvcasadi.statics import (
     Equilibrium,
     equilibrium_function,
@@ -232,8 +236,38 @@ from curvcasadi.symbolic import (
     jacobian_function,
 )
 
+if _TYPE_CHECKING:
+    from curvcasadi.plotting import (
+        animate_shape,
+        plot_basis,
+        plot_estimate,
+        plot_placement,
+        plot_shape,
+        plot_trim,
+        save_figure,
+    )
+
 __version__ = "0.1.0"
-from curvcasadi.solvers import SqpSettings
+
+#: Of `curvcasadi.plotting`, which is imported at their first use: matplotlib is slow to load.
+_PICTURES = (
+    "animate_shape",
+    "plot_basis",
+    "plot_estimate",
+    "plot_placement",
+    "plot_shape",
+    "plot_trim",
+    "save_figure",
+)
+
+
+def __getattr__(name: str) -> _Any:
+    if name in _PICTURES:
+        from curvcasadi import plotting
+
+        return getattr(plotting, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 __all__ = [
     "Accelerometer",
@@ -325,6 +359,7 @@ __all__ = [
     "WingFile",
     "WingGeometry",
     "aircraft_wrench",
+    "animate_shape",
     "beam_model",
     "body_jacobian",
     "body_jacobian_rate",
@@ -375,6 +410,11 @@ __all__ = [
     "natural_frequencies",
     "place_sensors",
     "planform",
+    "plot_basis",
+    "plot_estimate",
+    "plot_placement",
+    "plot_shape",
+    "plot_trim",
     "pose_at",
     "pose_function",
     "potential_energy",
@@ -384,6 +424,7 @@ __all__ = [
     "root_wrench",
     "run_ekf",
     "run_mhe",
+    "save_figure",
     "second_order_model",
     "sensor_channels",
     "shape_deviations",

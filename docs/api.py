@@ -22,13 +22,13 @@ TITLES = {
     "estimation": "Shape estimation",
     "export": "C code",
     "files": "Files",
+    "plotting": "Figures",
     "symbolic": "Named Functions and layouts",
     "errors": "Errors",
 }
 #: Modules whose names are public by their own path.
 MODULES = {
     "curvcasadi.reference_wings": "Reference wings",
-    "curvcasadi.plotting": "Figures",
     "curvcasadi.lie.so3": "Rotations",
     "curvcasadi.lie.se3": "Poses and strains",
     "curvcasadi.lie.series": "Coefficient functions",

@@ -90,9 +90,7 @@ def planform(beam: Beam, strips: StripAerodynamics, stations: int = 41) -> Planf
     # Both limits at a break, where a chord may jump.
     sides = [np.nextafter(x, end) for x in breaks for end in (0.0, 1.0)]
     xi = np.unique([*np.linspace(0, 1, stations), *sides])
-    chord, center = (
-        np.array([_number(name, strips, x) for x in xi]) for name in ("chord", "aerodynamic_center")
-    )
+    ahead, behind = edges(strips, xi)
     frames = poses(beam, np.zeros(beam.basis.n), xi.tolist())
     curve = np.hstack([np.asarray(frame.position) for frame in frames])
     forward = np.hstack([np.asarray(frame.rotation[:, 1]) for frame in frames])
@@ -100,14 +98,22 @@ def planform(beam: Beam, strips: StripAerodynamics, stations: int = 41) -> Planf
     square = length * _integral(lambda x: _number("chord", strips, x) ** 2, breaks)
     return Planform(
         xi=xi,
-        leading=curve + forward * (center + chord / 4),
-        trailing=curve + forward * (center - 3 * chord / 4),
+        leading=curve + forward * ahead,
+        trailing=curve + forward * behind,
         reference=curve,
-        quarter_chord=curve + forward * center,
+        quarter_chord=curve + forward * (0.75 * ahead + 0.25 * behind),
         area=area,
         span=float(abs(curve[1, -1] - curve[1, 0])),
         mean_aerodynamic_chord=square / area,
     )
+
+
+def edges(strips: StripAerodynamics, xi: Sequence[float] | Array) -> tuple[Array, Array]:
+    """Leading and trailing edge at stations, (M,), m along local y from the reference curve."""
+    chord, center = (
+        np.array([_number(name, strips, x) for x in xi]) for name in ("chord", "aerodynamic_center")
+    )
+    return center + chord / 4, center - 3 * chord / 4
 
 
 def _number(name: str, strips: StripAerodynamics, xi: float) -> float:

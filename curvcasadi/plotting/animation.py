@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,15 +10,18 @@ import numpy as np
 from matplotlib.animation import FFMpegWriter, PillowWriter
 from tqdm import tqdm
 
+from curvcasadi.aero.strip import StripAerodynamics
+from curvcasadi.aircraft.parts import Aircraft, Wing
 from curvcasadi.beam.beam import Beam
+from curvcasadi.control.simulation import Simulation
+from curvcasadi.plotting.content import half_wings, points_of, simulated
 from curvcasadi.plotting.scene import (
-    draw_legend,
+    draw_legend_and_title,
+    draw_rigid_parts,
     draw_undeformed,
     draw_wings,
     empty_scene,
-    histories,
     points_down,
-    undeformed_histories,
 )
 from curvcasadi.symbolic.expressions import Array
 
@@ -25,26 +29,52 @@ LARGEST_FRAME_RATE = 25.0
 
 
 def animate_shape(
-    beam: Beam,
+    wing: Beam | Wing | Aircraft,
     times: Array | None,
-    weights: Array,
+    weights: Array | Mapping[str, Array] | Simulation,
     path: str | Path,
     *,
     both: bool = True,
+    strips: StripAerodynamics | None = None,
+    local_axes: bool = True,
+    title: str | None = None,
     z_down: bool | None = None,
+    exaggeration: float = 1.0,
+    camera: tuple[float, float] | None = None,
     progress: bool = True,
 ) -> None:
     """Write an animation of a time history, as GIF or MP4 by the extension of `path`.
 
     It plays in real time, at the samples' rate or 25 frames a second: where samples are closer, the
-    one nearest to each frame is drawn. Samples without times play at 10 a second.
+    one nearest to each frame is drawn. Samples without times play at 10 a second. Axes and camera
+    stay fixed, and hold all samples.
 
     Parameters
     ----------
-    times : (T,), s, increasing, or None
-    weights : (T, n), rad/m
-    progress : shows a progress bar
-    both, z_down : as for `plot_shape`
+    wing : Beam, Wing or Aircraft
+        What is drawn, in its parent or body axes.
+    times : array, shape (T,), optional
+        Increasing times, s; None for a simulation, which has its own.
+    weights : array, shape (T, n), mapping of str to array, or Simulation
+        Weights, rad/m, a row for each time; of an aircraft by the name of each wing.
+    path : str or Path
+        File to write.
+    both : bool
+        As for `plot_shape`, and so are the next six.
+    strips : StripAerodynamics, optional
+        Chord and aerodynamic centre of a beam.
+    local_axes : bool
+        Draw the local axes.
+    title : str, optional
+        Title; none unless given.
+    z_down : bool, optional
+        Turn the page so that the parent's z points down.
+    exaggeration : float
+        Scale of z over that of x and y.
+    camera : tuple of float, optional
+        Elevation and azimuth of the view, degrees.
+    progress : bool
+        Show a progress bar.
 
     Raises
     ------
@@ -53,24 +83,28 @@ def animate_shape(
         where the program ffmpeg is missing.
     """
     writer_class = _writer_class(Path(path))
-    weights = np.atleast_2d(np.asarray(weights, dtype=float))
-    if len(weights) < 2:
-        raise ValueError(f"weights: an animation needs two samples or more, found {len(weights)}")
-    wings = histories(beam, weights, times, both)
-    straight = undeformed_histories(beam, both)
-    figure, axes = empty_scene([*wings, *straight], points_down(beam, z_down))
-    draw_undeformed(axes, straight)
-    artists = draw_wings(axes, beam, wings, 0)
-    draw_legend(axes)
+    times, weights = simulated(times, weights)
+    wings = half_wings(wing, weights, times, both=both, strips=strips)
+    count = len(wings[0].history.times)
+    if count < 2:
+        raise ValueError(f"weights: an animation needs two samples or more, found {count}")
+    aircraft = wing if isinstance(wing, Aircraft) else None
+    points = points_of(wings, aircraft, True)
+    figure, axes = empty_scene(points, points_down(wings, z_down), exaggeration, camera)
+    draw_undeformed(axes, wings)
+    artists = draw_wings(axes, wings, 0, local_axes)
+    if aircraft is not None:
+        draw_rigid_parts(axes, aircraft)
+    draw_legend_and_title(axes, title)
     caption = axes.text2D(0.03, 0.9, "", transform=axes.transAxes)
 
-    samples, rate = _frames(wings[0].times / (10 if times is None else 1))
+    samples, rate = _frames(wings[0].history.times / (10 if times is None else 1))
     writer = writer_class(fps=rate)
     with writer.saving(figure, str(path), dpi=80):
         for k in tqdm(samples, desc=Path(path).name, unit="frame", disable=not progress):
             for artist in artists:
                 artist.remove()
-            artists = draw_wings(axes, beam, wings, k)
+            artists = draw_wings(axes, wings, k, local_axes)
             caption.set_text(f"sample {k}" if times is None else f"t = {times[k]:.2f} s")
             writer.grab_frame()
 

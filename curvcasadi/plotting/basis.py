@@ -14,6 +14,16 @@ def plot_basis(basis: Basis) -> Figure:
     """Basis functions over the span: for each curvature that they drive, one axes.
 
     Between two breaks each function has its own limits, so that jumps show as gaps.
+
+    Parameters
+    ----------
+    basis : Basis
+        Basis of a beam.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure; `save_figure` writes it.
     """
     breaks = (0.0, *basis.breaks, 1.0)
     panels = [np.linspace(np.nextafter(a, b), np.nextafter(b, a), 101) for a, b in pairwise(breaks)]
@@ -33,6 +43,7 @@ def plot_basis(basis: Basis) -> Figure:
         axes.set_ylabel("value [-]")
         axes.grid(color="0.9")
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
+    figure.suptitle(f"{basis.n} basis functions", fontsize="medium")
     all_axes[-1].set_xlabel(r"$\xi = s/L$ [-]")
     all_axes[-1].set_xlim(0, 1)
     return figure

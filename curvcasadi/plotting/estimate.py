@@ -23,9 +23,17 @@ def plot_estimate(
 
     Parameters
     ----------
-    series : (T,) by name: time, s, and each quantity with its standard deviation std_<name>
-    tip : names in `series`, m, by what the legend calls them
-    weights : the same of weights, rad/m, by what stands at their axes
+    series : mapping of str to array, shape (T,)
+        By name: time, s, and each quantity with its standard deviation std_<name>.
+    tip : mapping of str to str
+        Names in `series`, m, by what the legend calls them.
+    weights : mapping of str to mapping of str to str
+        The same of weights, rad/m, by what stands at their axes.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure; `save_figure` writes it.
     """
     rows = 1 + max(len(tip), len(weights))
     figure = Figure(figsize=(10.0, 0.9 + 1.7 * rows), layout="constrained")

@@ -14,7 +14,20 @@ CURVE_STATIONS = np.linspace(0.0, 1.0, 61)
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
-    """Write `figure` in the format that the extension of `path` names."""
+    """Write a figure in the format that the extension of `path` names.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+    path : str or Path
+        File to write, such as wing.png, .svg or .pdf.
+
+    Raises
+    ------
+    ValueError
+        If there is no such format.
+    """
     known = sorted(figure.canvas.get_supported_filetypes())
     if Path(path).suffix.lower().lstrip(".") not in known:
         raise ValueError(

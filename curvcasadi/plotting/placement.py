@@ -28,7 +28,15 @@ def plot_placement(beam: Beam, placement: Placement) -> Figure:
 
     Parameters
     ----------
-    beam : on which the sensors were placed
+    beam : Beam
+        On which the sensors were placed.
+    placement : Placement
+        The sensors, as `place_sensors` returns them.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure; `save_figure` writes it.
     """
     numeric_length(beam, "a figure")
     shape = placement.shape
@@ -84,6 +92,7 @@ def _draw_wing(axes: Any, placement: Placement, stations: Array, curve: Array) -
             ", ".join(names), (x, z), (0, 9), textcoords="offset points", ha="center", zorder=5
         )
     axes.set_aspect("equal", adjustable="datalim")
+    axes.set_title("sensors by number on the first shape", fontsize="medium", loc="left")
     axes.set_xlabel("along the root's x axis [m]")
     axes.set_ylabel("along its z axis [m]")
     axes.set_axisbelow(True)

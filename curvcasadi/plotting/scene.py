@@ -1,9 +1,8 @@
-"""Wings in three dimensions: axes of equal scales, ribbons and arrows."""
+"""Wings in three dimensions: axes of equal scales, surfaces and arrows."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,61 +11,58 @@ from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import proj3d
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
+from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.beam.beam import Beam, numeric_length
-from curvcasadi.beam.mirror import mirror
-from curvcasadi.kinematics.history import ShapeHistory, shape_history
-from curvcasadi.plotting.figures import AXIS_COLORS, CURVE_STATIONS, UNDEFORMED_COLOR, WING_COLOR
-from curvcasadi.symbolic.expressions import Array
+from curvcasadi.kinematics.shape import pose_at
+from curvcasadi.plotting.arrows import LONGEST, Arrows
+from curvcasadi.plotting.content import HalfWing, corners
+from curvcasadi.plotting.figures import AXIS_COLORS, UNDEFORMED_COLOR, WING_COLOR
+from curvcasadi.symbolic.expressions import Array, positive
 
-#: Sizes as fractions of the length: arrows of the local axes, ribbon, gap between two arrows.
-ARROW, RIBBON, GAP = 0.07, 0.06, 0.06
-
-
-def histories(
-    beam: Beam,
-    weights: Array,
-    times: Array | None,
-    both: bool,
-    names: Sequence[str] | None = None,
-) -> list[ShapeHistory]:
-    """Shapes over time of a wing and, with `both`, of its mirror image."""
-    numeric_length(beam, "a figure")
-    stations = np.union1d(CURVE_STATIONS, beam.stations).tolist()
-    wings = [beam, mirror(beam)] if both else [beam]
-    return [shape_history(wing, weights, times, stations=stations, names=names) for wing in wings]
+#: Sizes as fractions of the length: arrows of the local axes, gap between two arrows.
+ARROW, GAP = 0.07, 0.06
+LOAD_COLORS = ("tab:purple", "tab:orange", "tab:brown", "tab:pink", "tab:olive", "tab:cyan")
+TARGET_COLOR, BODY_COLOR, TAIL_COLOR = "tab:red", "0.25", "tab:gray"
 
 
-def undeformed_histories(beam: Beam, both: bool) -> list[ShapeHistory]:
-    """Zero weights, which the weight bounds need not admit."""
-    unbounded = replace(beam, weight_bounds=None)
-    return histories(unbounded, np.zeros((1, beam.basis.n)), None, both)
+def points_down(wings: Sequence[HalfWing], z_down: bool | None) -> bool:
+    """Whether the parent's z points down on the page: `z_down`, or as the first root says."""
+    return float(wings[0].beam.root.rotation[2, 2]) < 0 if z_down is None else z_down
 
 
-def points_down(beam: Beam, z_down: bool | None) -> bool:
-    """Whether the parent's z points down on the page: `z_down`, or as the root says."""
-    return float(beam.root.rotation[2, 2]) < 0 if z_down is None else z_down
-
-
-def empty_scene(histories: list[ShapeHistory], z_down: bool) -> tuple[Figure, Any]:
-    """Empty axes of equal scale around all positions."""
-    points = np.concatenate([h.positions.transpose(0, 2, 1).reshape(-1, 3) for h in histories])
+def empty_scene(
+    points: Array,
+    z_down: bool,
+    exaggeration: float = 1.0,
+    camera: tuple[float, float] | None = None,
+) -> tuple[Figure, Any]:
+    """Empty axes around points (k, 3), m, of equal scale up to the vertical `exaggeration`."""
+    vertical = float(positive("exaggeration", exaggeration))
     low, high = points.min(axis=0), points.max(axis=0)
-    largest = np.max(high - low)
-    middle, half = (low + high) / 2, np.maximum((high - low) / 2 + 0.06 * largest, 0.15 * largest)
+    seen = np.array([1.0, 1.0, vertical])  # scales on the page
+    largest = np.max((high - low) * seen)
+    room = 0.06 * largest / seen
+    middle = (low + high) / 2
+    half = np.maximum((high - low) / 2 + room, 0.15 * largest / seen)
 
-    figure = Figure(figsize=(8.0, 4.6))
-    axes: Any = figure.add_axes((0.0, 0.02, 1.0, 0.92), projection="3d", proj_type="ortho")
+    figure = Figure(figsize=(8.0, 5.0))
+    axes: Any = figure.add_axes((0.0, 0.02, 1.0, 0.86), projection="3d", proj_type="ortho")
+    shown = half * seen
     for k, name in enumerate("xyz"):
         limits = (middle[k] - half[k], middle[k] + half[k])
         # Turning y and z, not z alone: half a turn about x, no mirror image.
         getattr(axes, f"set_{name}lim")(limits[::-1] if z_down and name != "x" else limits)
-        ticks = MaxNLocator(nbins=max(2, round(8 * half[k] / half.max())))
+        ticks = MaxNLocator(nbins=max(2, round(8 * shown[k] / shown.max())))
         getattr(axes, f"{name}axis").set_major_locator(ticks)
-        label = f"{name} [m]{', down' if z_down and name == 'z' else ''}"
-        getattr(axes, f"set_{name}label")(label, labelpad=9 * half[k] / half.max())
+        label = f"{name} [m]"
+        if name == "z":
+            label += ", down" if z_down else ""
+            label += f", scale × {vertical:g}" if vertical != 1 else ""
+        getattr(axes, f"set_{name}label")(label, labelpad=9 * shown[k] / shown.max())
     across = -160 if z_down else -20
-    axes.view_init(elev=30, azim=-65 if half[0] > half[1] else across)
-    _fill_figure(figure, axes, half)
+    elevation, azimuth = (30, -65 if half[0] > half[1] else across) if camera is None else camera
+    axes.view_init(elev=elevation, azim=azimuth)
+    _fill_figure(figure, axes, shown)
     return figure, axes
 
 
@@ -78,65 +74,136 @@ def _fill_figure(figure: Figure, axes: Any, proportions: Array) -> None:
     axes.set_box_aspect(proportions, zoom=1.0)
     figure.draw_without_rendering()
     limits = (axes.get_xlim(), axes.get_ylim(), axes.get_zlim())
-    corners = np.array(np.meshgrid(*limits)).reshape(3, -1)
-    x, y, _ = proj3d.proj_transform(*corners, axes.get_proj())
+    box = np.array(np.meshgrid(*limits)).reshape(3, -1)
+    x, y, _ = proj3d.proj_transform(*box, axes.get_proj())
     extent = np.ptp(axes.transData.transform(np.column_stack([x, y])), axis=0)
-    room = figure.get_size_inches() * figure.dpi * (0.74, 0.7)
+    room = figure.get_size_inches() * figure.dpi * (0.74, 0.68)
     axes.set_box_aspect(proportions, zoom=float(np.min(room / extent)))
 
 
-def draw_wings(axes: Any, beam: Beam, wings: list[ShapeHistory], sample: int) -> list[Any]:
+def draw_wings(
+    axes: Any, wings: Sequence[HalfWing], sample: int, local_axes: bool = True
+) -> list[Any]:
     """Draw one sample of all half wings; labels only on the first."""
-    length = numeric_length(beam, "a figure")
-    arrows = np.isin(wings[0].stations, _spaced(beam.stations))
     artists: list[Any] = []
     for wing in wings:
-        p, D = wing.positions[sample], wing.deformation_maps[sample]
         label = "_" if artists else ""
-        artists.append(_draw_ribbon(axes, p, D[:, 1].T * (RIBBON * length / 2)))
-        artists += axes.plot(
-            *p, color=WING_COLOR, linewidth=1.5, label=f"{label}deformed", clip_on=False
-        )
-        for k, color in enumerate(AXIS_COLORS):
-            directions = D[arrows, k].T * (ARROW * length)
-            artists.append(
-                axes.quiver(
-                    *p[:, arrows],
-                    *directions,
-                    color=color,
-                    linewidth=1.2,
-                    arrow_length_ratio=0.25,
-                    clip_on=False,
-                    label=f"{label}local {'xyz'[k]}",
-                )
-            )
+        artists += _draw_wing(axes, wing, sample, label, local_axes)
     return artists
 
 
-def _draw_ribbon(axes: Any, positions: Array, half_width: Array) -> Any:
-    front, back = (positions + half_width).T, (positions - half_width).T
-    quads = np.stack([front[:-1], front[1:], back[1:], back[:-1]], axis=1)
-    return axes.add_collection3d(
-        Poly3DCollection(quads, facecolor="tab:blue", alpha=0.25, clip_on=False)
+def _draw_wing(axes: Any, wing: HalfWing, sample: int, label: str, local_axes: bool) -> list[Any]:
+    length = numeric_length(wing.beam, "a figure")
+    stations = wing.history.stations
+    p, D = wing.history.positions[sample], wing.history.deformation_maps[sample]
+    leading, trailing = wing.outline(wing.history, sample)
+    artists: list[Any] = [_draw_surface(axes, leading, trailing)]
+    artists += axes.plot(
+        *p, color=WING_COLOR, linewidth=1.5, label=f"{label}deformed", clip_on=False
+    )
+    if wing.beam.bodies:
+        at = np.searchsorted(stations, [body.xi for body in wing.beam.bodies])
+        offsets = np.column_stack([np.ravel(body.offset) for body in wing.beam.bodies])
+        centers = p[:, at] + np.einsum("kij,ik->jk", D[at], offsets)
+        artists += _draw_masses(axes, centers, f"{label}bodies")
+    arrows = np.isin(stations, _spaced(wing.beam.stations))
+    for k, color in enumerate(AXIS_COLORS if local_axes else ()):
+        ends = (p[:, arrows], D[arrows, k].T * (ARROW * length))
+        artists.append(_quiver(axes, *ends, color, f"{label}local {'xyz'[k]}"))
+    return artists
+
+
+def _quiver(axes: Any, start: Array, along: Array, color: str, label: str) -> Any:
+    return axes.quiver(
+        *start,
+        *along,
+        color=color,
+        linewidth=1.2,
+        arrow_length_ratio=0.25,
+        clip_on=False,
+        label=label,
     )
 
 
-def draw_undeformed(axes: Any, wings: list[ShapeHistory]) -> None:
-    """Draw the undeformed curves in grey; a label only for the first."""
+def _draw_surface(axes: Any, front: Array, back: Array, color: str = "tab:blue") -> Any:
+    front, back = front.T, back.T
+    quads = np.stack([front[:-1], front[1:], back[1:], back[:-1]], axis=1)
+    return axes.add_collection3d(Poly3DCollection(quads, facecolor=color, alpha=0.3, clip_on=False))
+
+
+def _draw_masses(axes: Any, centers: Array, label: str) -> list[Any]:
+    drawn: list[Any] = axes.plot(
+        *centers, "o", color=BODY_COLOR, markersize=6, label=label, clip_on=False
+    )
+    return drawn
+
+
+def draw_undeformed(axes: Any, wings: Sequence[HalfWing]) -> None:
+    """Draw the undeformed curves in grey, and outlines where chords are known; one label."""
+    style: dict[str, Any] = {"color": UNDEFORMED_COLOR, "clip_on": False}
     for k, wing in enumerate(wings):
-        axes.plot(
-            *wing.positions[0],
-            color=UNDEFORMED_COLOR,
-            linestyle="--",
-            clip_on=False,
-            label="_undeformed" if k else "undeformed",
-        )
+        curve = wing.undeformed.positions[0]
+        label = "_undeformed" if k else "undeformed"
+        axes.plot(*curve, linestyle="--", label=label, **style)
+        if wing.has_chord:
+            leading, trailing = wing.outline(wing.undeformed, 0)
+            outline = np.hstack([leading, trailing[:, ::-1], leading[:, :1]])
+            axes.plot(*outline, linewidth=0.8, label="_outline", **style)
 
 
-def draw_legend(axes: Any) -> None:
-    """Legend of what `draw_wings` and `draw_undeformed` drew, above the figure."""
-    axes.figure.legend(
-        *axes.get_legend_handles_labels(), loc="upper center", ncols=5, frameon=False
+def draw_rigid_parts(axes: Any, aircraft: Aircraft) -> None:
+    """Draw tails and the body's centre of mass; grey lines join what is fixed to the body."""
+    center = aircraft.body.center_of_mass.full()
+    joined = [wing.beam.root.position.full() for wing in aircraft.beams]
+    joined += [surface.pose.position.full() for surface in aircraft.surfaces]
+    for point in joined:
+        line = np.hstack([center, point])
+        axes.plot(*line, color=UNDEFORMED_COLOR, linewidth=2.5, label="_joined", clip_on=False)
+    for k, surface in enumerate(aircraft.surfaces):
+        front, back = corners(surface)[:, :2], corners(surface)[:, [3, 2]]
+        drawn = _draw_surface(axes, front, back, TAIL_COLOR)
+        drawn.set_label("_surface" if k else "rigid surfaces")
+    if float(aircraft.body.mass):
+        _draw_masses(axes, center, "centre of mass of the body")
+
+
+def draw_loads(axes: Any, arrows: Sequence[Arrows], length: float) -> None:
+    """Draw loads as arrows, each kind in its colour and to its own scale."""
+    for k, kind in enumerate(arrows):
+        along = kind.lengths(LONGEST * length)
+        _quiver(axes, kind.points, along, LOAD_COLORS[k % len(LOAD_COLORS)], kind.label)
+
+
+def draw_targets(axes: Any, beam: Beam, q: Array, targets: Sequence[Any]) -> None:
+    """Draw where stations shall be, each joined with where it is; attitudes as three arrows."""
+    for k, target in enumerate(targets):
+        label = "_target" if k else "target"
+        at = pose_at(beam, q, target.xi).position.full()
+        point = at if target.position is None else target.position.full()
+        style: dict[str, Any] = {"color": TARGET_COLOR, "clip_on": False}
+        axes.plot(*np.hstack([at, point]), linestyle=":", label="_missed", **style)
+        axes.plot(*point, "*", markersize=11, label=label, **style)
+        if target.rotation is not None:
+            size = 1.6 * ARROW * numeric_length(beam, "a figure")
+            for j, color in enumerate(AXIS_COLORS):
+                along = target.rotation.full()[:, [j]] * size
+                _quiver(axes, point, along, color, "_target axis")
+
+
+def draw_legend_and_title(axes: Any, title: str | None) -> None:
+    """Title and, below it, the legend of what was drawn."""
+    figure = axes.figure
+    if title:
+        figure.suptitle(title, y=0.985, fontsize="medium")
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(
+        handles,
+        labels,
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0.955 if title else 1.0),
+        ncols=5 if sum(map(len, labels)) < 80 else 3,
+        fontsize="small",
+        frameon=False,
     )
 
 

@@ -20,7 +20,20 @@ LARGEST_LEGEND = 7
 
 
 def plot_trim(aircraft: Aircraft, results: Sequence[TrimResult]) -> Figure:
-    """Figure of trimmed wings from behind, and of the lift along their span; one or more speeds."""
+    """Trimmed wings from behind, and the lift along their span; one or more speeds.
+
+    Parameters
+    ----------
+    aircraft : Aircraft
+        The aircraft.
+    results : sequence of TrimResult
+        One for each speed, as those of `trim_sweep`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure; `save_figure` writes it.
+    """
     figure = Figure(figsize=(7.5, 6.4), layout="constrained")
     front, lift = figure.subplots(2, 1, sharex=True)
     shown = set(np.linspace(0, len(results) - 1, LARGEST_LEGEND).round().astype(int).tolist())

@@ -11,15 +11,21 @@ import pytest
 from mpl_toolkits.mplot3d import Axes3D
 from PIL import Image
 
+import curvcasadi
 from curvcasadi import plotting
+from curvcasadi.aero import AerodynamicLoad, Flow, StripAerodynamics, strip_forces
 from curvcasadi.beam.basis import ChannelBasis, VectorBasis
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.families import BSpline, Legendre, PiecewiseConstant
 from curvcasadi.beam.grid import Grid
 from curvcasadi.beam.mirror import mirror
 from curvcasadi.beam.pose import Pose
-from curvcasadi.kinematics.shape import shape_map
-from curvcasadi.plotting import animation, scene
+from curvcasadi.files import load_aircraft
+from curvcasadi.kinematics.shape import pose_at, shape_map
+from curvcasadi.loads.kinds import PointForce, PointMoment
+from curvcasadi.ocp.targets import Target
+from curvcasadi.plotting import animation, content, scene
+from curvcasadi.plotting.arrows import ALONG, Arrows, load_arrows, with_mirror_images
 from curvcasadi.reference_wings import hale_wing
 
 WING = hale_wing()
@@ -179,6 +185,113 @@ class TestShape:
         beam = Beam(length=ca.MX.sym("L"), basis=WING.basis, grid=Grid.uniform(4))
         with pytest.raises(ValueError, match=r"Beam\.length: a figure needs a number"):
             plotting.plot_shape(beam, BENT)
+
+
+STRIPS = StripAerodynamics(
+    chord=lambda xi: 1.6 - 0.9 * xi, aerodynamic_center=0.1, lift_slope=2 * np.pi
+)
+
+
+class TestParts:
+    def test_surfaces_have_the_chord_of_the_strips_and_lie_along_the_local_y_axis(self):
+        axes = plotting.plot_shape(WING, BENT, strips=STRIPS, both=False).axes[0]
+        (outline,) = lines(axes, "outline")
+        half = len(outline) // 2
+        # From the leading edge at the root to the trailing one there: the chord of 1.6 m.
+        np.testing.assert_allclose(outline[0] - outline[2 * half - 1], [1.6, 0, 0], atol=1e-12)
+        (wing,) = content.half_wings(WING, BENT, None, both=False, strips=STRIPS)
+        leading, trailing = wing.outline(wing.history, 0)
+        tip = shape_map(WING, BENT).tip
+        across = tip.rotation.full()[:, 1]
+        np.testing.assert_allclose(leading[:, -1] - trailing[:, -1], 0.7 * across, atol=1e-12)
+        np.testing.assert_allclose(
+            leading[:, -1] - tip.position.full()[:, 0], (0.1 + 0.7 / 4) * across, atol=1e-12
+        )
+
+    def test_loads_are_arrows_in_parent_axes_with_their_size_in_the_legend(self, arrows):
+        loads = [
+            PointForce(1.0, (0, 0, -100.0)),
+            PointForce(0.5, (0, 0, 20.0), "follower"),
+            PointMoment(1.0, (3.0, 0, 0)),
+        ]
+        plotting.plot_shape(WING, BENT, loads=loads, both=False)
+        shape = shape_map(WING, BENT)
+        (((start, end),), _) = arrows["force, largest 100 N"][0]
+        np.testing.assert_allclose(start, shape.tip.position.full().ravel(), atol=1e-12)
+        np.testing.assert_allclose(end - start, [0, 0, -0.2 * WING.length], atol=1e-12)
+        (((start, end),), _) = arrows["force, largest 20 N"][0]
+        normal = pose_at(WING, BENT, 0.5).rotation.full()[:, 2]
+        np.testing.assert_allclose(end - start, 0.2 * WING.length * normal, atol=1e-12)
+        assert "moment, largest 3 N m" in arrows
+
+    def test_loads_of_the_mirror_image_are_mirrored(self):
+        force, moment = (
+            Arrows("force", "N", *np.ones((2, 3, 1))),
+            Arrows("moment", "N m", *np.ones((2, 3, 1))),
+        )
+        force, moment = with_mirror_images([force, moment])
+        np.testing.assert_array_equal(force.points[:, 1], [1, -1, 1])
+        np.testing.assert_array_equal(force.values[:, 1], [1, -1, 1])
+        np.testing.assert_array_equal(moment.values[:, 1], [-1, 1, -1])
+
+    def test_airloads_sum_up_to_the_force_of_the_strips(self):
+        flow = Flow(velocity=(25.0, 0, 2.0), density=0.0889)
+        (found,) = load_arrows(WING, BENT, [AerodynamicLoad(strips=STRIPS, flow=flow)])
+        strips = strip_forces(
+            WING, BENT, AerodynamicLoad(strips=STRIPS, flow=flow), stations=ALONG.tolist()
+        )
+        # Lift and drag are the components of the same force in the section plane.
+        expected = np.hypot(strips.lift.full(), strips.drag.full()).ravel()
+        np.testing.assert_allclose(np.linalg.norm(found.values, axis=0), expected, rtol=1e-12)
+
+    def test_a_load_that_cannot_be_drawn_is_named(self):
+        with pytest.raises(ValueError, match=r"loads: expected Gravity, .* found str"):
+            plotting.plot_shape(WING, BENT, loads=["lift"])
+
+    def test_targets_are_drawn_where_they_are(self, arrows):
+        target = Target(xi=1.0, position=(0, 14, -7), rotation=WING.root.rotation)
+        axes = plotting.plot_shape(WING, BENT, targets=[target]).axes[0]
+        (star,) = lines(axes, "target")
+        np.testing.assert_array_equal(star, [[0, 14, -7]])
+        assert len(arrows["target axis"]) == 3
+
+    def test_an_aircraft_has_its_own_half_wings_tail_and_centre_of_mass(self):
+        aircraft = load_aircraft("ocp_examples/hale_aircraft.toml")
+        q = {wing.name: BENT for wing in aircraft.beams}
+        figure = plotting.plot_shape(aircraft, q)
+        axes = figure.axes[0]
+        assert len(lines(axes, "deformed")) == 2
+        (center,) = lines(axes, "centre of mass of the body")
+        np.testing.assert_array_equal(center, [[0, 0, 0]])
+        (tail,) = aircraft.surfaces
+        a, b, c, _ = content.corners(tail).T
+        area = np.linalg.norm(np.cross(b - a, c - b))
+        np.testing.assert_allclose(area, float(tail.area), rtol=1e-12)
+        with pytest.raises(ValueError, match="weights: expected a mapping from"):
+            plotting.plot_shape(aircraft, BENT)
+
+    def test_exaggeration_stretches_the_page_and_not_the_data(self):
+        plain, tall = (plotting.plot_shape(WING, BENT, exaggeration=e).axes[0] for e in (1, 3))
+        np.testing.assert_array_equal(lines(plain, "deformed")[0], lines(tall, "deformed")[0])
+        ranges = [abs(np.diff(getattr(tall, f"get_{k}lim")())[0]) for k in "xyz"]
+        scale = tall.get_box_aspect() / ranges
+        np.testing.assert_allclose(scale / scale[0], [1, 1, 3], rtol=1e-12)
+        assert tall.get_zlabel() == "z [m], down, scale × 3"
+
+    def test_the_camera_and_the_title_can_be_said(self):
+        figure = plotting.plot_shape(WING, BENT, camera=(10, -120), title="bent")
+        assert (figure.axes[0].elev, figure.axes[0].azim) == (10, -120)
+        assert figure.get_suptitle() == "bent"
+
+    def test_every_picture_has_a_title(self):
+        for figure in (plotting.plot_shape(WING, BENT), plotting.plot_basis(WING.basis)):
+            assert figure.get_suptitle()
+
+    def test_pictures_are_names_of_the_package(self):
+        assert curvcasadi.plot_shape is plotting.plot_shape
+        assert set(plotting.__all__) <= set(curvcasadi.__all__)
+        with pytest.raises(AttributeError, match="no attribute 'plot_nothing'"):
+            _ = curvcasadi.plot_nothing
 
 
 class TestAnimation:

@@ -41,6 +41,8 @@ class VibrationModes:
         Stations s/L of the displacements.
     displacements : array, shape (n, 3, N + 1)
         Displacements of the stations, m, parent axes, for each mode as scaled.
+    motions : array, shape (n, 6, N + 1)
+        Rotations, rad, and displacements, m, of the stations in their local axes.
     """
 
     frequencies: Array
@@ -48,6 +50,7 @@ class VibrationModes:
     q: Array
     stations: Array
     displacements: Any
+    motions: Any
 
 
 def natural_frequencies(
@@ -123,12 +126,14 @@ def vibration_modes(
             raise ValueError(f"beam, loads, root: expected numbers, found symbols in {matrix}")
     stiffness, gyration, mass = (x.full() for x in found[1:4])
     frequencies, shapes = _solve(stiffness, gyration, mass)
+    motions = _motions(built, states["q"], shapes)
     return VibrationModes(
         frequencies=frequencies,
         shapes=shapes,
         q=at,
         stations=np.array(_stations(built)),
-        displacements=_displacements(built, states["q"], shapes),
+        displacements=motions[:, :3, :],
+        motions=motions[:, 3:, :],
     )
 
 
@@ -170,12 +175,17 @@ def _stations(built: system.System) -> list[float]:
     return [0.0, *np.cumsum(lengths).tolist()]
 
 
-def _displacements(built: system.System, q: ca.DM, shapes: Any) -> Any:
-    """G shape = (B + A × p) shape at each station, (modes, 3, stations)."""
+def _motions(built: system.System, q: ca.DM, shapes: Any) -> Any:
+    """Displacements in parent axes, then rotations and displacements in local axes.
+
+    Shape (modes, 9, stations); with the spatial Jacobian [A; B] the displacement is B + A × p.
+    """
     states = kinematics.jacobian_states(built.chain, q, built.beam.root.packed)
-    columns = []
+    rows = []
     for state in states:
-        _, position = unpack_pose(state)
+        rotation, position = unpack_pose(state)
         angular, linear = kinematics.unpack_sums(state)
-        columns.append((linear - so3.hat(position) @ angular).full() @ shapes)
-    return np.moveaxis(np.array(columns), 0, 2).transpose(1, 0, 2)
+        moved = linear - so3.hat(position) @ angular
+        local = rotation.T @ angular, rotation.T @ moved
+        rows.append(ca.vertcat(moved, *local).full() @ shapes)
+    return np.array(rows).transpose(2, 1, 0)

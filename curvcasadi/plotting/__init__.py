@@ -7,6 +7,7 @@ from curvcasadi.plotting.animation import animate_shape
 from curvcasadi.plotting.basis import plot_basis
 from curvcasadi.plotting.estimate import plot_estimate
 from curvcasadi.plotting.figures import save_figure
+from curvcasadi.plotting.modes import plot_modes
 from curvcasadi.plotting.placement import plot_placement
 from curvcasadi.plotting.shape import plot_shape
 from curvcasadi.plotting.trim import plot_trim
@@ -15,6 +16,7 @@ __all__ = [
     "animate_shape",
     "plot_basis",
     "plot_estimate",
+    "plot_modes",
     "plot_placement",
     "plot_shape",
     "plot_trim",

@@ -37,6 +37,8 @@ def test_displacements_of_modes_are_derivatives_of_the_shape():
     slope = (ends[0] - ends[1]).full().ravel() / (2 * step)
     assert_allclose(modes.displacements[0, :, -1], slope, rtol=1e-7, atol=1e-9)
     assert modes.displacements.shape == (7, 3, len(modes.stations))
+    twist = cc.body_jacobian(beam, q).full() @ modes.shapes
+    assert_allclose(modes.motions[:, :, -1].T, twist, rtol=1e-10, atol=1e-12)
 
 
 def test_compression_lowers_the_frequency_to_zero_where_the_rod_buckles():

@@ -14,7 +14,7 @@ from curvcasadi.kinematics import chain
 from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.lie import se3
 from curvcasadi.loads.kinds import Gravity
-from curvcasadi.loads.stations import StationLoads, station_loads
+from curvcasadi.loads.stations import StationLoads, couplings, station_loads
 from curvcasadi.symbolic.expressions import AnyExpr, expression, instance, same_kind
 
 
@@ -105,6 +105,12 @@ def in_parent(
     inertias = station_inertias(beam, mesh)
     others = [load for load in loads if not isinstance(load, Gravity)]
     applied = station_loads(beam, others, mesh, attitude)
+    if couplings(beam, others, mesh, attitude):
+        raise ValueError(
+            "loads: expected loads whose stations do not depend on each other in dynamics, found "
+            "one with a coupling, such as induced flow that moves with the wing; a frozen "
+            "LiftingLine in an UnsteadyAirload has none"
+        )
     acting = {
         f"loads at xi = {xi:g}": data
         for xi, station in zip(mesh.stations, applied, strict=True)

@@ -215,3 +215,15 @@ def test_wrong_demands_are_refused(arguments, message):
 def test_beams_without_numbers_to_go_by_are_refused(fields, message, demand):
     with pytest.raises(ValueError, match=message):
         cc.elements_for(replace(hale_wing(), **fields), **demand)
+
+
+def test_a_tip_tolerance_holds_inside_the_box_of_the_weights():
+    # A clothoid: its tip error passes a maximum below the largest weight.
+    clothoid = cc.VectorBasis(lambda xi: np.array([[0.0], [xi], [0.0]]), 1)
+    beam = cc.Beam(length=1.0, basis=clothoid, grid=cc.Grid.uniform(8), weight_bounds=(0.0, 8.3))
+    tolerance = 4.64e-6
+    grids = cc.elements_for(beam, tip_tolerance=tolerance), cc.Grid.uniform(500)
+    tips = [cc.tip_function(replace(beam, grid=grid)) for grid in grids]
+    for weight in np.linspace(0, 8.3, 42):
+        coarse, fine = (tip([weight])[0].full() for tip in tips)
+        assert np.linalg.norm(coarse - fine) <= tolerance

@@ -8,7 +8,14 @@ from typing import Literal, Protocol, cast, get_args
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam.quadrature import GridKind, Panel, lobatto_points, panels_between
+from curvcasadi.beam.quadrature import (
+    LEAST_ELEMENTS,
+    GridKind,
+    Panel,
+    divided_panels,
+    lobatto_points,
+    panels_between,
+)
 from curvcasadi.lie.series import degree_for
 from curvcasadi.symbolic.expressions import (
     COINCIDENT,
@@ -204,24 +211,67 @@ class Grid:
         """Degree in θ² of the polynomials of an element's exponential."""
         return degree_for(self.max_angle, self.real)
 
-    def stations(self, breaks: tuple[float, ...] = (), least: int = 1) -> Array:
+    def stations(self, breaks: tuple[float, ...] = ()) -> Array:
         """Element boundaries of a beam whose smoothness ends at `breaks`.
 
         Every break is a boundary. A uniform or Lobatto grid shares its elements among the panels
-        between breaks by their length, at least `least` each; a custom grid gains the breaks.
+        between breaks by their length, at least one each; a custom grid gains the breaks.
 
         Parameters
         ----------
         breaks : tuple of float
             Interior stations, increasing.
-        least : int
-            Fewest elements of a panel.
 
         Returns
         -------
         ndarray, shape (N + 1,)
             Stations s/L from 0 to 1.
         """
+        return self._stations(breaks, 1)
+
+    def panels(self, breaks: tuple[float, ...] = ()) -> tuple[Panel, ...]:
+        """Quadrature between the breaks, on `stations(breaks)`.
+
+        See `quadrature.panels_between` for the weights.
+
+        Parameters
+        ----------
+        breaks : tuple of float
+            Interior stations, increasing.
+
+        Returns
+        -------
+        tuple of Panel
+            Stations and weights of every panel.
+        """
+        return panels_between(self.kind, self.stations(breaks), breaks)
+
+    def quadrature(self, breaks: tuple[float, ...] = ()) -> tuple[Array, tuple[Panel, ...]]:
+        """Stations and panels that integrate along the span as exactly as the poses are known.
+
+        Panels of many elements keep their stations. Few elements, or uneven ones, do not integrate
+        what varies along them: a Lobatto grid then has three elements a panel, and the elements of
+        other grids are divided (`quadrature.divided_panels`).
+
+        Parameters
+        ----------
+        breaks : tuple of float
+            Interior stations, increasing.
+
+        Returns
+        -------
+        stations : ndarray, shape (N + 1,)
+            Stations s/L from 0 to 1.
+        panels : tuple of Panel
+            Stations and weights of every panel.
+        """
+        if self.kind == "lobatto":
+            stations = self._stations(breaks, LEAST_ELEMENTS)
+            return stations, panels_between(self.kind, stations, breaks)
+        return divided_panels(self.stations(breaks), breaks)
+
+    def _stations(self, breaks: tuple[float, ...], least: int) -> Array:
+        """Element boundaries with at least `least` elements a panel; custom ones as they are."""
         panels = np.array([0.0, *breaks, 1.0])
         if self.kind == "custom":
             return _merge(cast(Array, self.boundaries), panels)
@@ -236,25 +286,6 @@ class Grid:
             )
         ]
         return np.concatenate([*pieces, [1.0]])
-
-    def panels(self, breaks: tuple[float, ...] = (), least: int = 1) -> tuple[Panel, ...]:
-        """Quadrature between the breaks, on `stations(breaks, least)`.
-
-        See `quadrature.panels_between` for the weights.
-
-        Parameters
-        ----------
-        breaks : tuple of float
-            Interior stations, increasing.
-        least : int
-            Fewest elements of a panel.
-
-        Returns
-        -------
-        tuple of Panel
-            Stations and weights of every panel.
-        """
-        return panels_between(self.kind, self.stations(breaks, least), breaks)
 
 
 def _check_rule(rule: RuleName | ElementRule) -> None:

@@ -15,6 +15,12 @@ from curvcasadi.symbolic.expressions import Array
 #: Five steps of Newton's method were enough for all n up to 1000.
 _NEWTON_STEPS = 10
 
+#: Fewest elements of a panel along which loads and masses are integrated.
+LEAST_ELEMENTS = 3
+#: From this many elements, neighbours of which differ by this factor at most, the cubics through
+#: their stations leave no more than the poses do.
+_MANY, _EVEN = 4, 2.0
+
 GridKind = Literal["uniform", "lobatto", "custom"]
 
 
@@ -33,13 +39,47 @@ def panels_between(kind: GridKind, stations: Array, breaks: Sequence[float]) -> 
     elements), else weights of order 4, or less where a panel has fewer than three elements.
     """
     ends = np.searchsorted(stations, [0.0, *breaks, 1.0])
-    return tuple(_panel(kind, np.arange(a, b + 1), stations[a : b + 1]) for a, b in pairwise(ends))
+    weights = _interpolatory_weights if kind == "lobatto" else _cubic_weights
+    spans = ((range(int(a), int(b) + 1), stations[a : b + 1]) for a, b in pairwise(ends))
+    return tuple(_panel(nodes, xi, weights(xi)) for nodes, xi in spans)
 
 
-def _panel(kind: GridKind, nodes: Array, xi: Array) -> Panel:
-    weights = _interpolatory_weights(xi) if kind == "lobatto" else _cubic_weights(xi)
+def divided_panels(stations: Array, breaks: Sequence[float]) -> tuple[Array, tuple[Panel, ...]]:
+    """Stations and panels whose weights have order 4 or more however few the elements are.
+
+    Panels of at least four elements, neighbours of which are alike, are those of `panels_between`.
+    In others every element is divided at its Gauss–Lobatto points, into two, or into three where it
+    is alone in its panel, and the weights are those of Lobatto's rule within the elements, all
+    positive.
+    """
+    ends = np.searchsorted(stations, [0.0, *breaks, 1.0])
+    points, panels, first = [], [], 0
+    for xi in (stations[a : b + 1] for a, b in pairwise(ends)):
+        lengths = np.diff(xi)
+        ratios = lengths[1:] / lengths[:-1]
+        if len(lengths) >= _MANY and np.all((ratios < _EVEN) & (ratios > 1 / _EVEN)):
+            weights = _cubic_weights(xi)
+        else:
+            xi, weights = _divided(xi, LEAST_ELEMENTS if len(lengths) == 1 else 2)
+        panels.append(_panel(range(first, first + len(xi)), xi, weights))
+        points.append(xi[:-1])
+        first += len(xi) - 1
+    return np.concatenate([*points, stations[-1:]]), tuple(panels)
+
+
+def _divided(xi: Array, pieces: int) -> tuple[Array, Array]:
+    """Gauss–Lobatto points of every element, and their weights."""
+    points = lobatto_points(pieces)
+    inner = xi[:-1, None] + np.diff(xi)[:, None] * points[:-1]
+    divided, weights = np.append(inner.ravel(), xi[-1]), np.zeros(pieces * (len(xi) - 1) + 1)
+    for k, length in enumerate(np.diff(xi)):
+        weights[k * pieces : (k + 1) * pieces + 1] += length * _interpolatory_weights(points)
+    return divided, weights
+
+
+def _panel(nodes: range, xi: Array, weights: Array) -> Panel:
     inside = np.clip(xi, np.nextafter(xi[0], 1), np.nextafter(xi[-1], 0))
-    return Panel(tuple(int(k) for k in nodes), inside, weights)
+    return Panel(tuple(nodes), inside, weights)
 
 
 def _interpolatory_weights(xi: Array) -> Array:

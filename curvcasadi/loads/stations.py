@@ -264,11 +264,13 @@ def checked_loads(loads: Sequence[Load]) -> tuple[Load, ...]:
 def loaded_mesh(beam: Beam, loads: Sequence[Load]) -> Mesh:
     """Stations of `beam` and panels that also break where `loads` begin, end or jump.
 
-    Where loads are distributed, a panel has three elements at least: fewer do not integrate them.
+    Where loads are distributed, panels of few elements have more stations: `Grid.quadrature`.
     """
-    breaks = merged_breaks([*beam.breaks, *load_breaks(loads)])
-    least = _LEAST_ELEMENTS if breaks and any(load.is_distributed(beam) for load in loads) else 1
-    stations, panels = beam.grid.stations(breaks, least), beam.grid.panels(breaks, least)
+    breaks, grid = merged_breaks([*beam.breaks, *load_breaks(loads)]), beam.grid
+    if any(load.is_distributed(beam) for load in loads):
+        stations, panels = grid.quadrature(breaks)
+    else:
+        stations, panels = grid.stations(breaks), grid.panels(breaks)
     own = sorted({float(x) for load in loads for x in load.points})
     added = [x for x in own if np.min(np.abs(stations - x)) > COINCIDENT]
     if not added:
@@ -277,10 +279,6 @@ def loaded_mesh(beam: Beam, loads: Sequence[Load]) -> Mesh:
     index = np.searchsorted(merged, stations).tolist()
     moved = [panel._replace(nodes=tuple(index[k] for k in panel.nodes)) for panel in panels]
     return Mesh(merged, tuple(moved))
-
-
-#: Elements that a panel between two breaks needs for the quadrature of a distributed load.
-_LEAST_ELEMENTS = 3
 
 
 def station_loads(

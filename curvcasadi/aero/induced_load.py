@@ -98,7 +98,7 @@ def line_on_wing(
     common = [
         velocity,
         rate,
-        strips.upper_side,
+        strips.side,
         shifts,
         ca.vertcat(*(strip.chord for strip in along)),
         ca.vertcat(*(strip.center for strip in along)),

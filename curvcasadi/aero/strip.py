@@ -127,8 +127,10 @@ class StripAerodynamics:
         0 normal to the chord.
     stations : int
         Number of aerodynamic stations; more where breaks leave more intervals.
-    upper_side : {1, -1}
+    upper_side : {1, -1} or None
         1 where local z points out of the upper side (right wing), -1 where out of the lower one.
+        None: of a wing or a surface of an aircraft as the attitude of its root says, whose body z
+        axis points down; of a load on a beam alone 1.
     tip_loss : ExponentialTipLoss or None
         Factor on the lift coefficient.
     """
@@ -143,13 +145,14 @@ class StripAerodynamics:
     moment_slope: Number = 0.0
     suction: Number = 1.0
     stations: int = 6
-    upper_side: int = 1
+    upper_side: int | None = None
     tip_loss: ExponentialTipLoss | None = None
     _quantities: dict[str, Along] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         own_fields(self)
-        choice("StripAerodynamics.upper_side", self.upper_side, (1, -1))
+        if self.upper_side is not None:
+            choice("StripAerodynamics.upper_side", self.upper_side, (1, -1))
         count("StripAerodynamics.stations", self.stations)
         object.__setattr__(self, "controls", tuple(self.controls))
         quantities = {
@@ -192,6 +195,11 @@ class StripAerodynamics:
         """Names of the deflections, each once."""
         return tuple(dict.fromkeys(surface.name for surface in self.controls))
 
+    @property
+    def side(self) -> int:
+        """`upper_side` of a load on a beam alone."""
+        return 1 if self.upper_side is None else self.upper_side
+
 
 #: Fields of `StripAerodynamics` that may vary along the span, and what they must fulfil.
 QUANTITIES: dict[str, Check] = {
@@ -215,18 +223,62 @@ def mirror_aero(strips: StripAerodynamics) -> StripAerodynamics:
     Parameters
     ----------
     strips : StripAerodynamics
-        Airfoil data of one half wing.
+        Airfoil data of one half wing, with their upper side.
 
     Returns
     -------
     StripAerodynamics
         Airfoil data of the other one.
+
+    Raises
+    ------
+    ValueError
+        If `upper_side` is None. `mirror_wing` needs none: a wing knows its root.
     """
+    if strips.upper_side is None:
+        raise ValueError(
+            "StripAerodynamics.upper_side: expected 1 or -1 of what is mirrored without its wing, "
+            "found None; mirror_wing knows the root"
+        )
     controls = tuple(
         replace(c, lift=-c.lift, moment=-c.moment, drag=-c.drag) if c.antisymmetric else c
         for c in strips.controls
     )
     return replace(strips, upper_side=-strips.upper_side, controls=controls)
+
+
+#: Vertical part of local z below which a root stands upright.
+_UPRIGHT = 1e-6
+
+
+def with_upper_side(owner: str, strips: StripAerodynamics, rotation: AnyExpr) -> StripAerodynamics:
+    """Airfoil data that know the upper side: as given, or that of the root's local z.
+
+    Parameters
+    ----------
+    owner : str
+        What has the data, for errors.
+    strips : StripAerodynamics
+        Airfoil data.
+    rotation : SX, MX or DM, shape (3, 3)
+        Of the root, local to body axes; body z points down.
+
+    Raises
+    ------
+    ValueError
+        If the rotation does not tell the upper side: of an upright root and of a symbol.
+    """
+    if strips.upper_side is not None:
+        return strips
+    down = rotation[2, 2]
+    if not is_numeric(down) or abs(float(down)) < _UPRIGHT:
+        found = "upright" if is_numeric(down) else "a symbol"
+        raise ValueError(
+            f"StripAerodynamics.upper_side of {owner}: expected 1 (local z points out of the upper "
+            f"side) or -1 (out of the lower side) where the root does not tell; found None, and "
+            f"its root is {found}"
+        )
+    return replace(strips, upper_side=1 if float(down) < 0 else -1)
 
 
 def section_data(
@@ -273,7 +325,7 @@ def section_data(
         slope = 1.0
     factor = 1.0 if strips.tip_loss is None else strips.tip_loss(xi)
     return SectionData(
-        upper=strips.upper_side,
+        upper=strips.side,
         pressure=density * at["chord"] * measure / 2,
         chord=at["chord"],
         center=at["aerodynamic_center"],

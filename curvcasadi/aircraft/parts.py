@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 
 from curvcasadi.aero import Flow, StripAerodynamics, mirror_aero
+from curvcasadi.aero.strip import with_upper_side
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.mirror import mirror
 from curvcasadi.beam.pose import Pose, checked_pose
@@ -116,7 +117,7 @@ class LiftingSurface:
     pose : Pose
         Pose, in body axes, of the point ahead of which the aerodynamic centre lies.
     strips : StripAerodynamics
-        Airfoil data.
+        Airfoil data. Their upper side, unless given, is that of local z of the pose.
     """
 
     name: str
@@ -128,6 +129,8 @@ class LiftingSurface:
         positive("LiftingSurface.area", self.area)
         _is("LiftingSurface.strips", self.strips, StripAerodynamics)
         object.__setattr__(self, "pose", checked_pose("LiftingSurface.pose", self.pose))
+        owner, rotation = f"the surface {self.name!r}", self.pose.rotation
+        object.__setattr__(self, "strips", with_upper_side(owner, self.strips, rotation))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -141,7 +144,8 @@ class Wing:
     beam : Beam
         The beam, with a section.
     strips : StripAerodynamics, optional
-        Airfoil data along the span; without them no airloads act.
+        Airfoil data along the span; without them no airloads act. Their upper side, unless given,
+        is that of local z of the root.
     loads : tuple of loads
         Further loads; weight and airloads act anyway.
     """
@@ -162,6 +166,9 @@ class Wing:
             raise ValueError(f"Wing.name: expected letters and digits, found {self.name!r}")
         if self.beam.section is None:
             raise ValueError(f"Wing {self.name!r}: expected a beam with a section, found None")
+        if self.strips is not None:
+            owner, rotation = f"the wing {self.name!r}", self.beam.root.rotation
+            object.__setattr__(self, "strips", with_upper_side(owner, self.strips, rotation))
 
 
 def mirror_wing(wing: Wing, name: str) -> Wing:

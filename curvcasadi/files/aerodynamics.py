@@ -36,7 +36,11 @@ AERODYNAMICS = Keys(
             "part of the leading-edge suction: 1: lift normal to the flow; 0: to the chord",
         ),
         "stations": Key(toml.WHOLE, "number of stations at which airloads are integrated"),
-        "upper_side": Key(toml.WHOLE, "1: local z points out of the upper side; -1: the lower"),
+        "upper_side": Key(
+            toml.WHOLE,
+            "1: local z points out of the upper side; -1: the lower; needed where the root is "
+            "upright, else as its attitude says",
+        ),
         "tip_loss": Key(toml.table_of("decay"), "loss of lift towards the tip"),
         "controls": Key(toml.TABLES, "control surfaces"),
     },

@@ -40,6 +40,7 @@ STRIPS = StripAerodynamics(
     suction=0.9,
     controls=(FLAP,),
     tip_loss=ExponentialTipLoss(decay=20.0),
+    upper_side=1,
 )
 FLOW = Flow(density=1.1, velocity=[24, 1, 2], angular_rate=[0.3, -0.2, 0.1], wind=[-1.0, 0.5, 0.4])
 WEIGHTS = CURLED_WEIGHTS / 4
@@ -95,11 +96,21 @@ def test_wrench_is_that_of_the_formulas_on_both_wings(right):
         assert_allclose(got, expected, rtol=1e-10, atol=1e-9)  # rounding of a sum of strips
 
 
+def test_airfoil_data_without_a_wing_are_mirrored_with_their_side_alone():
+    with pytest.raises(ValueError, match=r"upper_side: expected 1 or -1.*mirror_wing"):
+        mirror_aero(replace(STRIPS, upper_side=None))
+
+
 def test_mirrored_wing_has_mirrored_loads(right):
     left, q = cc.mirror(right), WEIGHTS
     aileron = ControlSurface(name="aileron", lift=2.0, moment=-0.3, antisymmetric=True)
     strips = StripAerodynamics(
-        chord=1.0, aerodynamic_center=0.25, lift_slope=6.0, profile_drag=0.01, controls=(aileron,)
+        chord=1.0,
+        aerodynamic_center=0.25,
+        lift_slope=6.0,
+        profile_drag=0.01,
+        controls=(aileron,),
+        upper_side=1,
     )
     flow = Flow(density=1.1, velocity=[24, 0, 2], angular_rate=[0, 0.2, 0])
 

@@ -25,6 +25,7 @@ STRIPS = cc.StripAerodynamics(
     profile_drag=0.02,
     controls=(FLAP,),
     stations=4,
+    upper_side=1,
 )
 
 

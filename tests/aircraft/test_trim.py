@@ -38,9 +38,14 @@ FLAP = ControlSurface(name="flap", lift=3.0, moment=-0.5, start=0.5)
 AILERON = ControlSurface(name="aileron", lift=1.0, start=0.6, antisymmetric=True)
 
 
-def surface(name, position, rotation, area, *controls):
+def surface(name, position, rotation, area, *controls, **fields):
     strips = StripAerodynamics(
-        chord=0.5, aerodynamic_center=0.0, lift_slope=5.0, profile_drag=0.01, controls=controls
+        chord=0.5,
+        aerodynamic_center=0.0,
+        lift_slope=5.0,
+        profile_drag=0.01,
+        controls=controls,
+        **fields,
     )
     pose = cc.Pose(rotation=rotation, position=position)
     return LiftingSurface(name=name, area=area, pose=pose, strips=strips)
@@ -56,7 +61,9 @@ FIN = surface(
     [[0, 1, 0], [0, 0, -1], [-1, 0, 0]],
     1.5,
     ControlSurface(name="rudder", lift=3.0),
+    upper_side=1,
 )
+LEFT_WING_ROTATION = [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]
 BODY = RigidBody(mass=50.0, center_of_mass=[0, 0, 0])
 
 
@@ -144,6 +151,47 @@ def test_wings_are_in_equilibrium_and_alike(level):
     # Residuals of 1e-8 W L² over stiffnesses of 1e4 L.
     assert_allclose(level.q["right"], found.q, atol=1e-7)
     assert_allclose(level.q["right"], level.q["left"], atol=1e-9)
+
+
+def test_a_left_wing_described_by_itself_trims_as_a_mirrored_one():
+    strips = replace(AIRFOIL, zero_lift_angle=-0.03, moment_coefficient=-0.02, controls=(FLAP,))
+    right = aircraft().beams[0].beam
+    left = replace(right, root=cc.Pose(rotation=LEFT_WING_ROTATION, position=[0, 0, 0]))
+    wings = [Wing(name="right", beam=right, strips=strips)]
+    held = {**AIR, "inputs": {"flap": 0.05}}
+    trims = [
+        trim(
+            Aircraft(body=BODY, beams=(*wings, other), surfaces=(TAIL,), thrusts=(Thrust(),)),
+            **held,
+        )
+        for other in (mirror_wing(wings[0], "left"), Wing(name="left", beam=left, strips=strips))
+    ]
+    mirrored, described = trims
+    # Both to 1e-8 of the weight, over the stiffness of the balances.
+    assert_allclose(unknowns_of(described), unknowns_of(mirrored), rtol=1e-6)
+    assert_allclose(described.tip_height("left"), mirrored.tip_height("left"), rtol=1e-6)
+    assert_allclose(described.tip_height("left"), described.tip_height("right"), rtol=1e-6)
+
+
+@pytest.mark.parametrize(("tilt", "side"), [(0.2, 1), (1.5, 1), (1.7, -1), (np.pi, -1)])
+def test_the_upper_side_is_that_of_the_root(tilt, side):
+    c, s = np.cos(tilt), np.sin(tilt)
+    turned = cc.Pose(rotation=np.array([[0, 1, 0], [c, 0, s], [s, 0, -c]]), position=[0, 0, 0])
+    wing = Wing(name="wing", beam=replace(hale_wing(), root=turned), strips=AIRFOIL)
+    tail = LiftingSurface(name="tail", area=1.0, pose=turned, strips=AIRFOIL)
+    assert wing.strips.upper_side == tail.strips.upper_side == side
+    assert mirror_wing(wing, "other").strips.upper_side == -side
+    given = replace(AIRFOIL, upper_side=-side)
+    assert Wing(name="wing", beam=wing.beam, strips=given).strips.upper_side == -side
+
+
+def test_an_upright_root_needs_the_upper_side():
+    upright = [[0, 1, 0], [0, 0, -1], [-1, 0, 0]]
+    with pytest.raises(ValueError, match=r"upper_side of the surface 'fin': .*root is upright"):
+        surface("fin", [-10, 0, -1], upright, 1.5)
+    beam = replace(hale_wing(), root=cc.Pose(rotation=upright, position=[0, 0, 0]))
+    with pytest.raises(ValueError, match=r"upper_side of the wing 'fin': .*root is upright"):
+        Wing(name="fin", beam=beam, strips=AIRFOIL)
 
 
 def test_level_flight_is_level_and_thrust_carries_the_drag(level):

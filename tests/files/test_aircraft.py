@@ -76,6 +76,28 @@ def test_tip_loss_and_upper_side_are_read(aircraft):
     assert (strips.tip_loss.decay, strips.upper_side) == (8.0, -1)
 
 
+def test_a_left_wing_may_be_described_by_itself(aircraft):
+    text = HALE_AIRCRAFT.read_text()
+    first, last = text.index("[[beams]]"), text.index(MIRRORED)
+    right = text[first:last]
+    left = right.replace('"right"', '"left"').replace(
+        "[[0, 1, 0], [1, 0, 0], [0, 0, -1]]", "[[0, 1, 0], [-1, 0, 0], [0, 0, 1]]"
+    )
+    wings = load_aircraft(aircraft({MIRRORED: left})).beams
+    assert [(wing.name, wing.strips.upper_side) for wing in wings] == [("right", 1), ("left", -1)]
+
+
+def test_an_upright_surface_needs_its_upper_side(aircraft):
+    text = HALE_AIRCRAFT.read_text()
+    tail = text[text.index("[[surfaces]]") : text.index("[[thrusts]]")]
+    fin = tail.replace("[[0, 1, 0], [1, 0, 0], [0, 0, -1]]", "[[0, 1, 0], [0, 0, -1], [-1, 0, 0]]")
+    with pytest.raises(ValueError, match=r"\[surfaces 1\].*upper_side.*root is upright"):
+        load_aircraft(aircraft({tail: fin}))
+    told = fin.replace("chord = 0.5", "chord = 0.5\nupper_side = -1")
+    (surface,) = load_aircraft(aircraft({tail: told})).surfaces
+    assert surface.strips.upper_side == -1
+
+
 def test_antisymmetric_controls_deflect_the_other_way_on_the_mirror_image(aircraft):
     control = CONTROL + "moment = -0.3\ndrag = 0.01\nstart = 0.6\nend = 0.9\nantisymmetric = true\n"
     made = load_aircraft(aircraft({MIRRORED: control + MIRRORED}))

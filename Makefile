@@ -33,6 +33,7 @@ target-test: $(VENV)/installed-test
 
 fault-test: $(VENV)/installed-test
 	$(BIN)/python -m codegen.faults
+	$(BIN)/python -m codegen.faults.programs
 
 benchmarks: $(VENV)/installed-test
 	$(BIN)/python -m benchmarks

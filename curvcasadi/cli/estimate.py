@@ -17,9 +17,11 @@ from tqdm import tqdm
 from curvcasadi.beam.basis import CHANNELS
 from curvcasadi.beam.beam import Beam
 from curvcasadi.cli.log_filter import LogFilter
+from curvcasadi.cli.options import add_progress
 from curvcasadi.estimation.ekf.consistency import summary
 from curvcasadi.estimation.ekf.stream import Point, RowStepper, compiled, row_function
-from curvcasadi.files.estimation import load_estimation
+from curvcasadi.estimation.observability import unseen
+from curvcasadi.files.estimation import EstimationFile, load_estimation
 from curvcasadi.files.log import read_log
 from curvcasadi.symbolic.expressions import Array
 
@@ -40,16 +42,20 @@ wing.toml has, besides beam, basis and grid (ocp_examples/hale_wing_imus.toml is
                            root_gyro_bias, as far as the filter has them; [estimation.mean] likewise
 
 log.csv: the first line names the columns, in any order:
-  time                     s, increasing from line to line; steps may differ
+  time                     s, never decreasing; steps may differ. Other units by name: time_ms,
+                           time_us, time_ns, as in "time [ms]". Lines of the same time are samples
+                           of that time; one that only repeats the line before is left out
   <sensor>_<component>     a column for each value measured, in the sensor's unit: gyro_1_x,
                            gyro_1_y, ..., attitude_1_R_xx, ..., camera_1_u; strain_1. A sensor
-                           without a name is called by its kind and its number among its kind
+                           without a name is called by its kind and its number among its kind. An
+                           attitude is R_xx ... R_zz, or the quaternion attitude_1_q_w, _q_x, _q_y,
+                           _q_z, scalar first, of the same rotation; so is the parent's
   root_omega_x, ...        what root_inputs of [estimation] asks for: root_omega_ and root_v_ (x, y,
                            z), root_omega_dot_, root_v_dot_, parent_position_, parent_R_ (xx ... zz)
 An empty cell, or nan, is a missing sample: sensors may have different rates. Motion of the root
 keeps its last value. A log is read line by line, whatever its length.
 
---out shape.csv: a line for each line of the log: time; q0, q1, ... (rad/m) and their standard
+--out shape.csv: a line for each time of the log: time; q0, q1, ... (rad/m) and their standard
 deviations std_q0, ...; q_dot0, ... and biases where the filter has them; tip_x, tip_y, tip_z (m,
 parent axes) and std_tip_x, ...; the same for --stations, as xi_0.5_x, ...
 
@@ -87,7 +93,7 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="compile the filter with gcc: takes seconds, then ten times as fast",
     )
-    parser.add_argument("--no-progress", action="store_true", help="no progress bar")
+    add_progress(parser)
     parser.set_defaults(run=run)
 
 
@@ -109,9 +115,10 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         with _lines(arguments.out) as write, _progress(arguments) as show:
             write(",".join(("time", *row.columns)))
-            for at in joined([first], rows):
-                write(estimation.step(at))
-                show(at.end)
+            with _latest(write) as write_last:
+                for at in joined([first], rows):
+                    write_last(at.time, estimation.step(at))
+                    show(at.end)
     except KeyboardInterrupt:
         warnings.append(f"interrupted: the log was read up to {estimation.time:g} s")
         code = 130
@@ -122,6 +129,7 @@ def run(arguments: argparse.Namespace) -> int:
         ) from None
     seconds = time.perf_counter() - began
     print(summary(estimation.tally, estimation.count, estimation.time - first.time))
+    print(_not_seen(wing), end="")
     if estimation.outside:
         print(
             f"weights are outside weight_bounds in {estimation.outside} samples, first "
@@ -137,6 +145,16 @@ def run(arguments: argparse.Namespace) -> int:
     for warning in warnings:
         print(f"curvcasadi: warning: {warning}", file=sys.stderr)
     return code
+
+
+def _not_seen(wing: EstimationFile) -> str:
+    """What the sensors do not see of the weights, a line each; or nothing."""
+    q = wing.start.state[wing.ekf.layout.slices["q"]]
+    words = unseen(wing.beam, wing.sensors, q, wing.root)
+    if not words:
+        return ""
+    first = "\nof the shape at the start, at rest, the sensors do not see in one sample:\n"
+    return first + "".join(f"  {text}\n" for text in words)
 
 
 def _stations(text: str | None) -> list[Point]:
@@ -211,6 +229,23 @@ def _lines(path: Path) -> Iterator[Callable[[str], None]]:
             yield write
         finally:
             write_all()
+
+
+@contextmanager
+def _latest(write: Callable[[str], None]) -> Iterator[Callable[[float, str], None]]:
+    """Writes, of lines of the same time, the last one."""
+    waiting: list[tuple[float, str]] = []
+
+    def write_last(time: float, line: str) -> None:
+        if waiting and waiting[0][0] != time:
+            write(waiting.pop()[1])
+        waiting[:] = [(time, line)]
+
+    try:
+        yield write_last
+    finally:
+        for _, line in waiting:
+            write(line)
 
 
 @contextmanager

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from curvcasadi.beam.beam import Beam, numeric_length
+from curvcasadi.estimation.sensor_model import sensor_model
+from curvcasadi.sensors import RootMotion, Sensor
 from curvcasadi.symbolic.expressions import Array
 
 #: Standard deviation of a combination of weights, times the length, beyond which it is not seen:
@@ -70,6 +73,21 @@ def observability(slope: Array, length: float, labels: Sequence[str]) -> Observa
             f"above pi/L = {LARGEST_DEVIATION / length:.2g} rad/m"
         )
     return Observability(rows[:rank].T, rows[:felt].T, rows[felt:].T, tuple(words))
+
+
+def unseen(
+    beam: Beam, sensors: Sequence[Sensor], q: Array, root: RootMotion | None = None
+) -> tuple[str, ...]:
+    """What one sample of the sensors does not see of the weights at the shape `q`, at rest.
+
+    Rates of weights are known here: a gyro sees how weights change, and not what they are.
+    """
+    names = ("q", "q_dot") if any(sensor.order for sensor in sensors) else ("q",)
+    model = sensor_model(beam, sensors, names, ("q",), root)
+    state = {"q": q, "q_dot": np.zeros_like(q)}
+    slope = model.slope({name: state[name] for name in names})
+    slope = slope[np.isfinite(slope).all(axis=1)]  # a camera sees nothing of what is beside it
+    return observability(slope, numeric_length(beam, "sensors"), beam.basis.labels).words
 
 
 def _named(columns: Array, labels: Sequence[str]) -> list[tuple[str, Array]]:

@@ -144,6 +144,8 @@ class EstimationFile:
         Names of inputs of the filter's Functions that a log holds.
     columns : LogColumns
         Names of the columns of a log.
+    root : RootMotion
+        Motion of the root, gravity and magnetic field.
     """
 
     beam: Beam
@@ -152,6 +154,7 @@ class EstimationFile:
     start: Estimate
     inputs: tuple[str, ...]
     columns: LogColumns
+    root: RootMotion
 
 
 def load_estimation(path: str | Path) -> EstimationFile:
@@ -188,7 +191,7 @@ def load_estimation(path: str | Path) -> EstimationFile:
     with file.owning_errors():
         labels = sensor_channels(sensors).labels
     table = file.table("estimation")
-    ekf, start = _filter(table, beam, sensors)
+    ekf, start, root = _filter(table, beam, sensors)
     inputs = (*ekf.predict.name_in()[3:], *ekf.update.name_in()[3:])
     names = [name for key in inputs for name in INPUT_COLUMNS[key]]
     columns = LogColumns(tuple(dict.fromkeys(names)), labels)
@@ -198,13 +201,19 @@ def load_estimation(path: str | Path) -> EstimationFile:
             f"sensors: expected other names than columns of a log, found {', '.join(twice)} twice"
         )
     return EstimationFile(
-        beam=beam, sensors=sensors, ekf=ekf, start=start, inputs=inputs, columns=columns
+        beam=beam,
+        sensors=sensors,
+        ekf=ekf,
+        start=start,
+        inputs=inputs,
+        columns=columns,
+        root=root,
     )
 
 
 def _filter(
     table: toml.Table, beam: Beam, sensors: tuple[Sensor, ...]
-) -> tuple[ShapeEkf, Estimate]:
+) -> tuple[ShapeEkf, Estimate, RootMotion]:
     values = table.read(ESTIMATION)
     deviation = table.table("deviation").read(DEVIATION)
     mean = table.table("mean").read(MEAN) if "mean" in values else {}
@@ -216,4 +225,4 @@ def _filter(
     with table.owning_errors():
         root = RootMotion(**motion)
         ekf = shape_ekf(beam, sensors, process=values["process"], root=root, **options)
-        return ekf, ekf.initial(deviation, mean)
+        return ekf, ekf.initial(deviation, mean), root

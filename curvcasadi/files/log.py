@@ -11,7 +11,9 @@ from io import BufferedReader
 from pathlib import Path
 from typing import NamedTuple
 
+from curvcasadi.files.attitudes import Attitudes, attitudes
 from curvcasadi.files.csv_reader import CsvHeader, is_number, is_plain
+from curvcasadi.files.times import doubt, impossible, seconds, time_column, unit_of
 
 LONGEST_LINE = 1 << 20  #: bytes; what holds no line ends is no log
 
@@ -29,17 +31,22 @@ class _Log(NamedTuple):
     header: CsvHeader
     order: list[int]  #: places of time and of the columns asked for
     size: int  #: bytes of the header
+    attitudes: Attitudes  #: of the columns beside time
 
 
 def read_log(
     path: str | Path, columns: Sequence[str], warn: Callable[[str], None]
 ) -> Iterator[LogRow]:
-    """Rows of a log; its first line names the columns: time, s, and `columns`, in any order.
+    """Rows of a log; its first line names the columns: a time and `columns`, in any order.
 
-    An empty cell, or nan, is a missing sample. Times increase from line to line. Empty lines count
-    for nothing. The last line of a log that was cut off is left out with a warning: one without a
-    line end, whose last number may lack digits, one with too few cells, and one whose last cell is
-    no more than the beginning of a number.
+    The time is one of `TIME_COLUMNS`, whose name says its unit. In place of the nine columns
+    <name>_R_xx … of an attitude there may be four of a quaternion, <name>_q_w, _q_x, _q_y, _q_z.
+    An empty cell, or nan, is a missing sample. Times never decrease: lines of the same time, as
+    loggers write them for several sensors, are samples of that time, and a line that repeats the
+    one before in every cell is left out, with a warning at the end. Empty lines count for nothing.
+    The last line of a log that was cut off is left out with a warning: one without a line end,
+    whose last number may lack digits, one with too few cells, and one whose last cell is no more
+    than the beginning of a number.
 
     Parameters
     ----------
@@ -60,15 +67,17 @@ def read_log(
     except OSError as error:
         raise type(error)(f"{path}: expected a readable file, found: {error.strerror}") from None
     try:
-        return _rows(file, _log(path, file.readline(LONGEST_LINE), ["time", *columns]), warn)
+        return _rows(file, _log(path, file.readline(LONGEST_LINE), columns), warn)
     except ValueError:
         file.close()
         raise
 
 
-def _log(path: Path, raw: bytes, columns: list[str]) -> _Log:
+def _log(path: Path, raw: bytes, wanted: Sequence[str]) -> _Log:
     text = _text(path, 1, raw.removeprefix(b"\xef\xbb\xbf"))
     header = CsvHeader.of(path, text)
+    turned = attitudes(wanted, header.columns)
+    columns = [time_column(header.columns), *turned.columns]
     fault, found = header.faults(columns), header.columns
     if not text.strip():
         fault = "an empty line or file"
@@ -83,11 +92,12 @@ def _log(path: Path, raw: bytes, columns: list[str]) -> _Log:
             1,
             f"expected names of columns, found {fault}; all columns expected: {','.join(columns)}",
         )
-    return _Log(header, [found.index(name) for name in columns], len(raw))
+    return _Log(header, [found.index(name) for name in columns], len(raw), turned)
 
 
 def _rows(file: BufferedReader, log: _Log, warn: Callable[[str], None]) -> Iterator[LogRow]:
     header, before, line, end = log.header, -math.inf, 1, log.size
+    last, count, repeated = "", 0, 0
     with file:
         while raw := file.readline(LONGEST_LINE):
             line, end = line + 1, end + len(raw)
@@ -101,10 +111,22 @@ def _rows(file: BufferedReader, log: _Log, warn: Callable[[str], None]) -> Itera
             text = _text(header.path, line, raw)
             if not text.strip():
                 continue
-            time, *values = _numbers(log, line, text)
-            _check_time(header, line, time, before)
-            before = time
-            yield LogRow(line, end, time, values)
+            shown, *values = _numbers(log, line, text)
+            name = header.columns[log.order[0]]
+            _check_time(header, name, line, shown, before)
+            if count == 1 and shown > before and (words := doubt(name, before, shown)):
+                warn(f"{header.path}: line {line}, {words}")
+            if shown == before and text.strip() == last:
+                repeated += 1
+                continue
+            before, last, count = shown, text.strip(), count + 1
+            try:
+                values = log.attitudes.matrices(values)
+            except ValueError as error:
+                raise ValueError(f"{header.path}: line {line}, {error}") from None
+            yield LogRow(line, end, shown * seconds(name), values)
+    if repeated:
+        warn(f"{header.path}: left out {repeated} lines that repeat the line before")
     if before == -math.inf:
         raise header.error(line + 1, "expected a sample, found the end of the file")
 
@@ -153,10 +175,12 @@ def _numbers(log: _Log, line: int, text: str) -> list[float]:
     return [log.header.number(line, names[k], cells[k], missing=True) for k in log.order]
 
 
-def _check_time(header: CsvHeader, line: int, time: float, before: float) -> None:
-    if not time > before:
+def _check_time(header: CsvHeader, name: str, line: int, time: float, before: float) -> None:
+    if not time >= before:
+        unit = unit_of(name)
         if math.isnan(time):
-            raise header.error(line, "expected a time, s, found a missing one", "time")
-        found = f"found {time!r}: sort the lines by time, each time once"
-        expected = f"expected above {before!r} s, the time of the sample before"
-        raise header.error(line, f"{expected}, {found}", "time")
+            raise header.error(line, f"expected a time, {unit}, found a missing one", name)
+        expected = f"expected no less than {before!r} {unit}, the time of the sample before"
+        raise header.error(line, f"{expected}, found {time!r}: sort the lines by time", name)
+    if fault := impossible(name, time):
+        raise header.error(line, fault, name)

@@ -1,5 +1,6 @@
 """Models as a control engineer sees them: x, u, p, y."""
 
+from curvcasadi.control.aircraft_model import aircraft_model
 from curvcasadi.control.beam_model import beam_model
 from curvcasadi.control.error_state import difference, retract
 from curvcasadi.control.kinematic_model import kinematic_model
@@ -15,6 +16,7 @@ __all__ = [
     "LinearModel",
     "SecondOrder",
     "Simulation",
+    "aircraft_model",
     "beam_model",
     "difference",
     "kinematic_model",

@@ -20,6 +20,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.control.error_state import add
+from curvcasadi.control.iteration import iterated, relative_size
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.expressions import AnyExpr
@@ -135,36 +136,12 @@ def _matrix(rule: Midpoint, h: ca.MX, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]
 
 
 def _loop(rule: Midpoint) -> ca.Function:
-    """(z, x, u, p, h, A, elastic size) -> z, residual, count.
-
-    A loop in generated C too, which iterates while the last correction was too large. CasADi's
-    `fold` has no constants, so they are handed through.
-    """
-    names = ["z", "residual", "count", "x", "u", "p", "h", "A", "elastic"]
+    """(z, x, u, p, h, A, elastic size) -> z, residual, count."""
     nv = rule.motion.velocities
-    z, residual, count = ca.MX.sym("z", rule.n_rates), ca.MX.sym("residual"), ca.MX.sym("count")
-    constants = [*rule.symbols, ca.MX.sym("h"), ca.MX.sym("A", nv, nv), ca.MX.sym("elastic")]
-    z_next, correction = _iteration(rule, z, *constants)
-    state = [z, residual, count, *constants]
-    iterate = ca.Function(
-        "iterate",
-        state,
-        [z_next, correction, count + 1, *constants],
-        names,
-        [f"{n}_" for n in names],
-    )
-    keep = ca.Function("keep", state, state, names, [f"{n}_" for n in names])
-    iterate_or_keep = ca.Function.if_else("iterate_or_keep", iterate, keep)
-
-    packed = ca.MX.sym("state", sum(piece.numel() for piece in state))
-    pieces = ca.vertsplit(packed, np.cumsum([0, *(piece.numel() for piece in state)]).tolist())
-    pieces = [ca.reshape(new, *old.shape) for new, old in zip(pieces, state, strict=True)]
-    goes_on = pieces[1] > rule.tolerance
-    body = ca.Function("body", [packed], [ca.veccat(*iterate_or_keep.call([goes_on, *pieces]))])
-    start = ca.veccat(z, np.inf, 0, *constants)
-    end = body.fold(rule.iterations)(start)
-    n = z.numel()
-    return ca.Function("loop", [z, *constants], [end[:n], end[n], end[n + 1]])
+    z, constants = ca.MX.sym("z", rule.n_rates), [*rule.symbols, ca.MX.sym("h")]
+    constants += [ca.MX.sym("A", nv, nv), ca.MX.sym("elastic")]
+    better = ca.Function("iteration", [z, *constants], _iteration(rule, z, *constants))
+    return iterated(better, rule.iterations, rule.tolerance)
 
 
 def _iteration(
@@ -186,16 +163,11 @@ def _iteration(
         change = ca.vertcat(ca.solve(matrix, error[:nv], "ldl"), error[nv:])
     z_next = z - change
     _, v, o = _split(rule, x)
-    relative = _relative(rule, change[:nv], ca.norm_1(z_next[:nv]) + ca.norm_1(v) / h + elastic)
+    real = rule.model.real
+    relative = relative_size(change[:nv], ca.norm_1(z_next[:nv]) + ca.norm_1(v) / h + elastic, real)
     if o.numel():
-        relative += _relative(rule, change[nv:], ca.norm_1(z_next[nv:]) + ca.norm_1(o) / h)
+        relative += relative_size(change[nv:], ca.norm_1(z_next[nv:]) + ca.norm_1(o) / h, real)
     return z_next, relative
-
-
-def _relative(rule: Midpoint, change: ca.MX, size: ca.MX) -> ca.MX:
-    """|change|/size, zero where both are. Sums carry a NaN on, which largest entries do not."""
-    tiny = float(np.finfo("float32" if rule.model.real == "float" else "float64").tiny)
-    return ca.norm_1(change) / ca.fmax(size, tiny)
 
 
 def _slope(rule: Midpoint, h: float, x: ca.MX, u: ca.MX, p: ca.MX, end: ca.MX) -> ca.MX:

@@ -38,6 +38,10 @@ class SecondOrder:
         (x, p) -> mass (nv, nv), damping (nv, nv), stiffness (nv, nv): derivatives of the balance
         by acceleration, velocities and configuration, of the last two the constant parts, which
         make a wing stiff; the air is not in them.
+    momenta : casadi.Function or None
+        (x) -> momenta (nv, 1), the derivatives of the kinetic energy by the velocities, and
+        by_configuration (nv, 1), its derivative by the weights at fixed velocities, zero for the
+        six of a free root; what the variational rule needs.
     """
 
     configuration: int
@@ -45,6 +49,7 @@ class SecondOrder:
     kinematics: ca.Function
     balance: ca.Function
     matrices: ca.Function
+    momenta: ca.Function | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

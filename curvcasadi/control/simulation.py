@@ -10,6 +10,7 @@ from typing import Any, Literal, TypeAlias, get_args
 import casadi as ca
 import numpy as np
 
+from curvcasadi.control import variational_midpoint as variational
 from curvcasadi.control.implicit_midpoint import TOLERANCE, midpoint_solver
 from curvcasadi.control.model import ControlModel
 from curvcasadi.control.signals import Signal, increasing, over_time, stacked
@@ -18,7 +19,7 @@ from curvcasadi.errors import ConvergenceError
 from curvcasadi.symbolic.compiled import compile_function
 from curvcasadi.symbolic.expressions import Array, Number, choice, instance, positive
 
-SimulationMethod = Literal["rk4", "implicit_midpoint", "cvodes"]
+SimulationMethod = Literal["rk4", "implicit_midpoint", "variational", "cvodes"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -113,15 +114,17 @@ def simulate(
         Inputs and parameters: numbers (n,) that are held, columns (n, T) held from each time to the
         next one, a mapping from part names to such, or a function of the time, s, which is taken at
         the middle of each step. Zero unless given.
-    method : {"rk4", "implicit_midpoint", "cvodes"}
-        See `step_function`; "cvodes" is CasADi's multistep integrator of variable order and step
+    method : {"rk4", "implicit_midpoint", "variational", "cvodes"}
+        See `step_function`. "variational" is the variational midpoint rule in momenta, for free
+        flight: it keeps momentum to rounding where no loads act. "cvodes" is CasADi's multistep integrator of variable order and step
         (SUNDIALS), which holds inputs from each time to the next one.
     dt : float, optional
         Longest step, s; the whole interval between two times unless given. Unused by cvodes.
     newton : bool
         As in `step_function`.
     tolerance : float, optional
-        Relative: of corrections of implicit steps (1e-10), or of cvodes' errors (1e-8).
+        Relative: of corrections of implicit steps (1e-10; variational 1e-13), or of cvodes' errors
+        (1e-8).
     progress : bool
         Show a progress bar.
 
@@ -181,6 +184,8 @@ def _stepper(
         return _rk4(model)
     if method == "cvodes":
         return _cvodes(model, 1e-8 if tolerance is None else tolerance)
+    if method == "variational":
+        return _variational(model, variational.TOLERANCE if tolerance is None else tolerance)
     return _midpoint(model, newton, TOLERANCE if tolerance is None else tolerance)
 
 
@@ -216,6 +221,28 @@ def _midpoint(model: ControlModel, newton: bool, tolerance: float) -> Stepper:
         remedy = "shorter steps" if newton else "shorter steps or newton=True"
         words = f"did not converge (relative correction {residual[0]:.1e}): take {remedy}"
         return end, spent, words
+
+    return advance
+
+
+def _variational(model: ControlModel, tolerance: float) -> Stepper:
+    motion = variational.variational_motion(model)
+    solve = _Native(variational.variational_solver(model, tolerance=tolerance))
+    start = model.x.size - motion.velocities
+    momenta: Array | None = None
+    velocities = np.zeros(motion.velocities)
+
+    def advance(x: Array, u: Array, p: Array, h: float) -> tuple[Array, float, str | None]:
+        nonlocal momenta, velocities
+        if momenta is None:  # kept from step to step: velocities would lose their last digits
+            momenta, velocities = variational.momenta_of(motion, x), x[start:]
+        c, after, residual, velocities, count = solve(x[:start], momenta, u, p, h, velocities)
+        momenta = after
+        end = np.concatenate([c, variational.velocities_of(motion, c, after, p)])
+        if residual[0] <= tolerance:
+            return end, float(count[0]), None
+        words = f"did not converge (relative correction {residual[0]:.1e}): take shorter steps"
+        return end, float(count[0]), words
 
     return advance
 

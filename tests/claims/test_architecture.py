@@ -46,7 +46,7 @@ BRANCHED = {"lie/so3.py", "kinematics/element.py", "aero/section.py", "estimatio
 BRANCHED |= {"aero/airload.py", "aero/induced_load.py"}  # no direction in still air
 BRANCHED |= {"aero/gust.py"}  # gusts begin and end
 BRANCHED |= {"sensors/station.py"}  # the same for the slopes of a missing attitude
-BRANCHED |= {"control/implicit_midpoint.py"}  # whether another iteration is needed
+BRANCHED |= {"control/iteration.py"}  # whether another iteration is needed
 BRANCHED |= {"solvers/gauss_newton.py"}  # whether a step is accepted, and whether another is needed
 BRANCHED |= {"estimation/samples.py"}  # the same for windows of samples
 

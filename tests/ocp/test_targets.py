@@ -33,7 +33,10 @@ S = ca.SX.sym("S")
         ({"position": [1, np.nan, 0]}, r"Target\.position: expected finite numbers, found"),
         ({"position": ca.MX.sym("S", 3)}, r"Target\.position: expected numbers, found the symbol"),
         ({"rotation": np.eye(2)}, r"Target\.rotation: expected shape \(3, 3\), found \(2, 2\)"),
-        ({"rotation": 1.01 * np.eye(3)}, r"Target\.rotation: expected orthonormal columns, to 0.01; found"),
+        (
+            {"rotation": 1.01 * np.eye(3)},
+            r"Target\.rotation: expected orthonormal columns, to 0.01",
+        ),
         ({"rotation": np.diag([1, 1, -1])}, r"Target\.rotation: expected a right-handed frame"),
         ({"rotation": ca.SX.eye(3) * S}, r"Target\.rotation: expected numbers, found the symbol"),
         ({"position": POSITION, "weight": -1}, r"Target\.weight: expected .* above zero, found -1"),

@@ -1,0 +1,98 @@
+"""Free flight as a control model: momentum, energy, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import curvcasadi as cc
+from curvcasadi.lie import quaternion
+from curvcasadi.reference_wings import hale_wing
+
+
+@pytest.fixture(scope="module")
+def aircraft():
+    right = replace(hale_wing(torsion=1, out_of_plane=2, in_plane=1), grid=cc.Grid.lobatto(4))
+    body = cc.RigidBody(mass=50.0, center_of_mass=[0.1, 0, 0.2], inertia=np.diag([40.0, 30, 50]))
+    wing = cc.Wing(name="right", beam=right)
+    return cc.Aircraft(body=body, beams=(wing, cc.mirror_wing(wing, "left")))
+
+
+@pytest.fixture(scope="module")
+def model(aircraft):
+    return cc.aircraft_model(aircraft, density=0, gravity=0)
+
+
+START = {
+    "quaternion_wxyz": [1, 0, 0, 0],
+    "q_right": [0, -0.03, 0.01, 0],
+    "q_left": [0, -0.03, 0, 0],
+    "twist": [0.3, 0.2, -0.15, 1.0, 0.5, -0.2],
+    "q_dot_right": [0.02, 0, 0, 0.002],
+}
+
+
+def momentum(model, x):
+    """Linear and angular momentum (6,), inertial axes, about the inertial origin."""
+    body = model.second_order.momenta(x)[0].full().ravel()[:6]
+    rotation = quaternion.rotation(x[:4]).full()
+    linear = rotation @ body[3:]
+    return np.concatenate([linear, rotation @ body[:3] + np.cross(x[4:7], linear)])
+
+
+def test_parts_are_those_of_body_and_wings(model):
+    names = [part.name for part in model.x.parts]
+    assert names == [
+        "quaternion_wxyz", "position", "q_right", "q_left", "twist", "q_dot_right", "q_dot_left",
+    ]  # fmt: skip
+    assert model.x.errors.size == 2 * 14
+
+
+@pytest.mark.parametrize(
+    "method, dt, limit",
+    # The variational rule keeps momentum to rounding; the others to their order (5 ms at 50 rad/s).
+    [("variational", 0.005, 1e-12), ("implicit_midpoint", 0.005, 1e-4), ("rk4", 0.002, 1e-5)],
+)
+def test_momentum_without_loads(model, method, dt, limit):
+    result = cc.simulate(model, START, np.linspace(0, 0.5, 3), method=method, dt=dt)
+    first, last = (momentum(model, result.x[:, k]) for k in (0, -1))
+    for part in (slice(0, 3), slice(3, 6)):
+        change = np.linalg.norm(last[part] - first[part]) / np.linalg.norm(first[part])
+        assert change < limit
+    assert_allclose(np.linalg.norm(result.part("quaternion_wxyz"), axis=0), 1, rtol=1e-13)
+
+
+def test_all_methods_find_the_same_motion(model):
+    ends = [
+        cc.simulate(model, START, [0, 0.2], method=method, dt=dt).x[:, -1]
+        for method, dt in (("variational", 1e-3), ("implicit_midpoint", 1e-3), ("rk4", 1e-3))
+    ]
+    # (ω h)² of the second-order rules at 50 rad/s over 0.2 s, of velocities of about one.
+    for end in ends[:2]:
+        assert_allclose(end, ends[2], atol=5e-3)
+
+
+def test_a_falling_aircraft_falls_freely(aircraft):
+    """Gravity alone bends nothing: every part falls alike."""
+    model = cc.aircraft_model(aircraft, density=0)
+    rest = {"quaternion_wxyz": [1, 0, 0, 0]}
+    for method in ("variational", "implicit_midpoint", "rk4"):
+        result = cc.simulate(model, rest, [0, 0.1, 0.2], method=method, dt=0.01)
+        assert_allclose(
+            result.part("position")[2], 9.80665 * np.array([0, 0.1, 0.2]) ** 2 / 2, atol=1e-9
+        )
+        assert_allclose(result.part("q_right"), 0, atol=1e-9)
+
+
+def test_air_is_refused(aircraft):
+    with pytest.raises(ValueError, match=r"density: expected 0, as free flight .* found 1.2"):
+        cc.aircraft_model(aircraft, density=1.2)
+
+
+def test_the_variational_rule_needs_momenta():
+    beam = cc.beam_model(hale_wing(torsion=1, out_of_plane=1, in_plane=1))
+    with pytest.raises(ValueError, match=r"'variational' needs a model with momenta, .*'beam'"):
+        cc.simulate(beam, {}, [0, 1], method="variational")

@@ -116,8 +116,9 @@ def simulate(
         the middle of each step. Zero unless given.
     method : {"rk4", "implicit_midpoint", "variational", "cvodes"}
         See `step_function`. "variational" is the variational midpoint rule in momenta, for free
-        flight: it keeps momentum to rounding where no loads act. "cvodes" is CasADi's multistep integrator of variable order and step
-        (SUNDIALS), which holds inputs from each time to the next one.
+        flight: it keeps momentum to rounding where no loads act. "cvodes" is CasADi's multistep
+        integrator of variable order and step (SUNDIALS), which holds inputs from each time to the
+        next one.
     dt : float, optional
         Longest step, s; the whole interval between two times unless given. Unused by cvodes.
     newton : bool

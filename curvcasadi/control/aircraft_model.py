@@ -52,6 +52,7 @@ def aircraft_model(
     Returns
     -------
     ControlModel
+        With its equations of motion and momenta in `second_order`.
 
     Raises
     ------

@@ -220,6 +220,9 @@ class StripForces(NamedTuple):
         Moment per length, N, nose-up about the aerodynamic centre.
     induced_angle : SX, MX or DM, shape (1, N)
         Angle that the induced flow adds, rad; below zero for a downwash.
+    weights : array or None, shape (N,)
+        Of an integral over s/L: `length * lift @ weights` is the lift of a wing in N. None where
+        `strip_forces` was given `stations`, which need not integrate anything.
     """
 
     xi: Array
@@ -228,6 +231,7 @@ class StripForces(NamedTuple):
     drag: AnyExpr
     moment: AnyExpr
     induced_angle: AnyExpr
+    weights: Array | None = None
 
 
 def strip_forces(
@@ -272,7 +276,9 @@ def strip_forces(
         data = strip_data(load, xi, 1.0, to_parent)
         given = [frame, data] if u_e is None else [frame, data, u_e]
         columns.append(_strip(u_e is not None)(*given))
-    return StripForces(np.array(wanted), *(ca.horzcat(*row) for row in zip(*columns, strict=True)))
+    along = [ca.horzcat(*row) for row in zip(*columns, strict=True)]
+    weights = None if stations is not None else np.array([w for _, w in air_stations(load.strips)])
+    return StripForces._make([np.array(wanted), *along, weights])
 
 
 @cache

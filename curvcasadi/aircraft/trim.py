@@ -78,7 +78,8 @@ def trim(
     ------
     ConvergenceError
         If something does not balance: the message says what, by how much, and which bounds hold;
-        its `result` is the nearest state that was found.
+        its `result` is the nearest state. A search that does not converge says so instead; its
+        `result` is where it stopped, with `converged` False.
     ValueError
         For unknown names, bad numbers, and more free inputs than the balances settle.
     """

@@ -19,7 +19,7 @@ from curvcasadi.symbolic.text import described, table
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TrimResult:
-    """An aircraft in steady straight flight, or what comes nearest to it.
+    """An aircraft in steady straight flight, what comes nearest to it, or where a search stopped.
 
     Attributes
     ----------
@@ -58,7 +58,8 @@ class TrimResult:
     trimmed : bool
         Whether everything balances.
     converged : bool
-        Whether the last solve ended at an optimum.
+        Whether the last solve ended at an optimum. A state that is not trimmed is the nearest one
+        only if it did.
     iterations : int
         Iterations of all solves.
     active_bounds : tuple of str
@@ -200,9 +201,12 @@ def bounds_that_hold(
 
 
 def failure_message(
-    balances: Array, scales: Array, unsettled: list[str], active: tuple[str, ...]
+    balances: Array, scales: Array, unsettled: list[str], active: tuple[str, ...] | None
 ) -> str:
-    """Which balances are missed, the worst first, and what holds them; empty if none is."""
+    """Which balances are missed, the worst first, and what holds them; empty if none is.
+
+    `active` is None where the search did not end: then nothing is known to hold them.
+    """
     misses = []
     for k in np.argsort(-np.abs(balances)):
         if abs(balances[k]) > TOLERANCE:
@@ -213,6 +217,8 @@ def failure_message(
     if not misses:
         return ""
     text = "; ".join(misses)
+    if active is None:
+        return text
     if active:
         text += f"; held by bounds: {', '.join(active)}"
     elif any(abs(balances[k]) > TOLERANCE for k in LATERAL):

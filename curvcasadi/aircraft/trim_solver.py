@@ -236,8 +236,16 @@ class TrimSolver:
         }
         missed = self._missed(case, x, p)
         unsettled = [n for n, r in left.items() if r > TOLERANCE * p[-1] * problem.length**2]
-        failure = failure_message(balances.full().ravel(), scales, unsettled, active)
-        success = "trimmed" if converged else "trimmed, not optimal"
+        held = active if converged else None
+        failure = failure_message(balances.full().ravel(), scales, unsettled, held)
+        message = "trimmed" if converged else "trimmed, not optimal"
+        if failure and converged:
+            message = f"no trim at {p[0]:g} m/s: {failure}"
+        elif failure:
+            message = (
+                f"trim at {p[0]:g} m/s did not converge in {iterations} iterations, so that there "
+                f"may be one; try another guess. Where it stopped, {failure}"
+            )
         trimmed = missed <= TOLERANCE
         return TrimResult(
             speed=float(p[0]),
@@ -260,7 +268,7 @@ class TrimSolver:
             converged=converged,
             iterations=iterations,
             active_bounds=active,
-            message=f"no trim at {p[0]:g} m/s: {failure}" if failure else success,
+            message=message,
             unknowns=x,
         )
 

@@ -182,7 +182,9 @@ class GaussNewton:
         """
         lower, upper = (ca.DM(side) for side in self.limits)
         tolerances = self.tolerances
-        left = gradient + multipliers[: self.n] + At @ multipliers[self.n :]
+        # Not by indices: none of the entries of a scalar is a row.
+        of_x, of_g = ca.vertsplit(multipliers, [0, self.n, self.n + self.m])
+        left = gradient + of_x + At @ of_g
         idle = ca.vertcat(
             ca.fmin(ca.fmax(multipliers, 0), ca.fmax(upper - reached, 0)),
             ca.fmin(ca.fmax(-multipliers, 0), ca.fmax(reached - lower, 0)),

@@ -101,6 +101,20 @@ def test_airfoil_data_without_a_wing_are_mirrored_with_their_side_alone():
         mirror_aero(replace(STRIPS, upper_side=None))
 
 
+def test_weights_of_strip_forces_integrate_along_the_span(right):
+    straight, load = (
+        np.zeros(12),
+        AerodynamicLoad(strips=STRIPS, flow=Flow(density=1.1, velocity=[24, 0, 2])),
+    )
+    found = strip_forces(right, straight, load)
+    assert_allclose(found.weights.sum(), 1, rtol=1e-14)
+    # All strips of a straight wing see the same flow, to which lift is normal and drag parallel.
+    lift, drag = (right.length * float(part @ found.weights) for part in (found.lift, found.drag))
+    force = root_wrench(right, straight, [load]).full().ravel()[3:]
+    assert_allclose(np.hypot(lift, drag), np.linalg.norm(force), rtol=1e-12)
+    assert strip_forces(right, straight, load, stations=[0.5]).weights is None
+
+
 def test_mirrored_wing_has_mirrored_loads(right):
     left, q = cc.mirror(right), WEIGHTS
     aileron = ControlSurface(name="aileron", lift=2.0, moment=-0.3, antisymmetric=True)

@@ -12,6 +12,7 @@ from scipy.optimize import fsolve
 
 import curvcasadi as cc
 from curvcasadi.aero import ControlSurface, Flow, StripAerodynamics
+from curvcasadi.aircraft import trim_problem
 from curvcasadi.aircraft.balance import aircraft_wrench, wing_loads
 from curvcasadi.aircraft.parts import (
     Aircraft,
@@ -280,7 +281,20 @@ def test_too_slow_a_flight_says_what_does_not_balance():
     message, result = str(failure.value), failure.value.result
     assert "equilibrium" not in message  # the wings are
     assert "% of the weight" in message and "angle_of_attack at its upper bound" in message
-    assert not result.trimmed and result.balances["force along z"] > 0.1 * WEIGHT
+    assert not result.trimmed and result.converged
+    assert result.balances["force along z"] > 0.1 * WEIGHT
+
+
+def test_a_trim_that_does_not_converge_says_so(monkeypatch):
+    monkeypatch.setitem(trim_problem._IPOPT, "ipopt.max_iter", 1)
+    with pytest.raises(cc.ConvergenceError) as failure:
+        trim(aircraft(), speed=12.0, density=0.0889)
+    message, result = str(failure.value), failure.value.result
+    assert message.startswith("trim at 12 m/s did not converge in ")
+    assert "Where it stopped, " in message and "force along z is left with" in message
+    # Neither that there is no trim nor what holds it is known.
+    assert "no trim" not in message and "held by" not in message
+    assert not result.trimmed and not result.converged
 
 
 def test_sweep_is_a_row_of_trims_and_a_table(level):

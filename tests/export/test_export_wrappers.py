@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 from dataclasses import replace
 
@@ -442,3 +443,21 @@ def test_wrong_arguments_of_export_c_are_refused_and_nothing_is_written(
     with pytest.raises(ValueError, match=message):
         cc.export_c(functions, tmp_path, **options)
     assert not [*tmp_path.iterdir()]
+
+
+def test_a_solver_asks_for_reference_inputs_in_their_form(tmp_path):
+    """What the message shows, filled in, is what export_c takes."""
+    beam = cc.Beam(
+        length=2.0, basis=cc.ChannelBasis(out_of_plane=cc.Legendre(1)), grid=cc.Grid.uniform(4)
+    )
+    f = cc.tip_path_step_function(
+        cc.kinematic_model(beam, time_constant=0.3), dt=0.1, horizon=1, attitude_weight=0.0
+    )
+    form = f"reference_inputs={{{f.name()!r}: [[{', '.join(f.name_in())}], ...]}}"
+    with pytest.raises(ValueError, match=re.escape(form)) as failure:
+        cc.export_c(f, tmp_path)
+    for key in f.name_in():  # and their shapes
+        assert f"{key} {f.size_in(key)}" in str(failure.value)
+    sample = [np.zeros(f.size_in(key)) for key in f.name_in()]
+    sample[f.index_in("positions")][0] = 2.0
+    cc.export_c(f, tmp_path, reference_inputs={f.name(): [sample]})

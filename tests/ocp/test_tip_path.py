@@ -115,6 +115,23 @@ def test_the_tip_of_a_wing_of_a_single_weight_follows_its_path(iterations, bound
     assert float(result["states"][-1]) < -0.01  # towards the goal
 
 
+def test_a_path_of_positions_alone_needs_no_rotations():
+    beam = cc.Beam(
+        length=16.0, basis=cc.ChannelBasis(out_of_plane=cc.Legendre(2)), grid=cc.Grid.uniform(8)
+    )
+    model = cc.kinematic_model(beam, time_constant=TAU)
+    f = cc.tip_path_step_function(model, dt=DT, horizon=2, attitude_weight=0.0)
+    assert "rotations" not in f.name_in() and "positions" in f.name_in()
+    goal = cc.pose_at(beam, [-0.004, 0.002], 1.0).position
+    result = f(x=0, u_previous=0, positions=ca.repmat(goal, 1, 2), guess=0)
+    assert float(result["violation"]) <= 1 and float(result["stationarity"]) <= 1
+    straight, reached = (
+        float(ca.norm_2(cc.pose_at(beam, q, 1.0).position - goal))
+        for q in (np.zeros(2), result["states"][:, -1])
+    )
+    assert reached < straight
+
+
 def test_elements_that_turn_too_far_are_told():
     """Unbounded weights leave what the polynomials of an element are made for."""
     beam = cc.Beam(

@@ -10,7 +10,8 @@ import numpy as np
 
 from curvcasadi.export.c_function import STATIONARITY, VIOLATION, CFunction
 from curvcasadi.export.wrappers import Wrapper
-from curvcasadi.symbolic.expressions import Array, expression, is_numeric
+from curvcasadi.kinematics.weights import tolerated_bounds
+from curvcasadi.symbolic.expressions import Array, Real, expression, is_numeric
 
 #: Largest error over the largest entry of an output (at least 1), by type: rounding, and what a
 #: solver makes of it where it may stop at its tolerance.
@@ -214,7 +215,9 @@ def _check_weights(wrapper: Wrapper, key: str, values: Array, where: str) -> Non
     if key not in wrapper.export.weights:
         return
     kind = np.float32 if wrapper.real == "float" else float
-    lower, upper = (side.astype(kind)[:, None] for side in wrapper.export.weights[key].bounds)
+    real: Real = "float" if wrapper.real == "float" else "double"
+    limits = tolerated_bounds(wrapper.export.weights[key], real)
+    lower, upper = (side.astype(kind)[:, None] for side in limits)
     if not np.all((values >= lower) & (values <= upper)) or _angle(wrapper, key, values) > 1:
         raise ValueError(
             f"{where}, {key}: expected weights within the bounds and the largest element angle of "

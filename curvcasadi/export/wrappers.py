@@ -18,6 +18,8 @@ from curvcasadi.export.c_function import STATIONARITY, TAKEN, VIOLATION, CFuncti
 from curvcasadi.export.casadi_c import generate as generated
 from curvcasadi.kinematics.resolution import elements_that_may_exceed
 from curvcasadi.kinematics.shape import squared_element_angles
+from curvcasadi.kinematics.weights import tolerated_bounds
+from curvcasadi.symbolic.expressions import BOUND_SLACK, Real
 
 _RESERVED = TAKEN | {"out", "work", "buffers", "column"}
 
@@ -67,7 +69,8 @@ def angle_functions(exports: Iterable[CFunction]) -> dict[Beam, ca.Function]:
     for beam in (beam for export in exports for beam in export.weights.values()):
         if beam not in functions and elements_that_may_exceed(beam):
             q = ca.MX.sym("q", beam.basis.n)
-            largest = ca.mmax(squared_element_angles(beam, q)) / beam.grid.max_angle**2
+            limit = beam.grid.max_angle * (1 + BOUND_SLACK[beam.grid.real])
+            largest = ca.mmax(squared_element_angles(beam, q)) / limit**2
             name = f"element_angle_{len(functions)}" if functions else "element_angle"
             functions[beam] = ca.Function(name, [q], [largest], ["q"], ["largest"])
     return functions
@@ -245,7 +248,8 @@ def _output_checks(wrapper: Wrapper) -> list[str]:
 
 
 def _bounds(wrapper: Wrapper, key: str, beam: Beam) -> str:
-    rows = zip(("lower", "upper"), beam.bounds, strict=True)
+    real: Real = "float" if wrapper.real == "float" else "double"
+    rows = zip(("lower", "upper"), tolerated_bounds(beam, real), strict=True)
     return "".join(
         f"static const @REAL_TYPE@ {wrapper.name}_{_c_name(key)}_{side}[{beam.basis.n}] = "
         f"{{{', '.join(_literal(x, wrapper.real) for x in values)}}};\n"

@@ -11,16 +11,15 @@ from curvcasadi.beam.beam import Beam
 from curvcasadi.kinematics import chain
 from curvcasadi.kinematics.numeric import evaluated
 from curvcasadi.symbolic.expressions import (
+    BOUND_SLACK,
     AnyExpr,
     Array,
+    Real,
     expression,
     instance,
     is_numeric,
     same_kind,
 )
-
-#: Solvers meet bounds to a tolerance: numeric weights may exceed theirs by this fraction.
-BOUND_SLACK = 1e-6
 
 
 def checked_weights(beam: Beam, q: AnyExpr, name: str = "q", *, angles: bool = True) -> AnyExpr:
@@ -44,6 +43,14 @@ def checked_weights(beam: Beam, q: AnyExpr, name: str = "q", *, angles: bool = T
     return q
 
 
+def tolerated_bounds(beam: Beam, real: Real) -> tuple[Array, Array]:
+    """Bounds of the weights with `BOUND_SLACK`, (n,) each: what a solver returns is within."""
+    lower, upper = beam.bounds
+    slack = BOUND_SLACK[real]
+    widest = (slack * np.maximum(1, np.abs(side)) for side in (lower, upper))
+    return lower - next(widest), upper + next(widest)
+
+
 def exceeded_limit(beam: Beam, q: Array | ca.DM) -> str:
     """Which limit of `checked_weights` numeric weights exceed, in words; empty if none."""
     try:
@@ -55,8 +62,8 @@ def exceeded_limit(beam: Beam, q: Array | ca.DM) -> str:
 
 def _check_bounds(beam: Beam, q: ca.DM, name: str) -> None:
     lower, upper = beam.bounds
+    lowest, highest = tolerated_bounds(beam, beam.grid.real)
     values = q.full().ravel()
-    lowest, highest = lower - BOUND_SLACK * np.abs(lower), upper + BOUND_SLACK * np.abs(upper)
     for i in np.flatnonzero((values < lowest) | (values > highest)):
         raise ValueError(
             f"{name}[{i}] ({beam.basis.labels[i]}): expected within Beam.weight_bounds "
@@ -71,7 +78,7 @@ def check_angles(beam: Beam, q: AnyExpr, name: str = "q") -> None:
     largest = beam.grid.max_angle
     angles = np.sqrt(element_angles(beam, q).full().ravel())
     worst = int(np.argmax(angles))
-    if angles[worst] > largest * (1 + BOUND_SLACK):
+    if angles[worst] > largest * (1 + BOUND_SLACK[beam.grid.real]):
         a, b = beam.stations[worst : worst + 2]
         raise ValueError(
             f"{name}: expected every element to turn at most Grid.max_angle = {largest:g} rad, "

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from curvcasadi.symbolic.expressions import Number, Real
+from curvcasadi.symbolic.expressions import BOUND_SLACK, Number, Real
 
 
 class Tolerances(NamedTuple):
@@ -24,8 +24,10 @@ class Tolerances(NamedTuple):
 
 
 TOLERANCES: dict[Real, Tolerances] = {
-    "double": Tolerances(1e-10, 1e-13, 1e-9, (1e-10, 1e-12), 1e-8, 1e-6, 1e-6, 1e-12),
-    "float": Tolerances(3e-6, 1e-10, 1e-6, (3e-7, 1e-8), 1e-6, 1e-4, 1e-5, 1e-6),
+    "double": Tolerances(
+        1e-10, 1e-13, 1e-9, (1e-10, 1e-12), 1e-8, 1e-6, BOUND_SLACK["double"], 1e-12
+    ),
+    "float": Tolerances(3e-6, 1e-10, 1e-6, (3e-7, 1e-8), 1e-6, 1e-4, BOUND_SLACK["float"], 1e-6),
 }
 
 

@@ -17,13 +17,13 @@ from curvcasadi.statics.balance import (
 )
 from curvcasadi.statics.energy import stiffness_matrix
 from curvcasadi.symbolic.derivatives import with_jacobian
-from curvcasadi.symbolic.expressions import AnyExpr, function_name
+from curvcasadi.symbolic.expressions import BOUND_SLACK, AnyExpr, function_name
 from curvcasadi.symbolic.functions import free_symbols
 
 #: Newton step, rad/m, at which the solver ends.
 _STEP = {"double": 1e-12, "float": 1e-6}
 #: Excess over a limit that counts as kept, and residual over the largest force that counts as zero.
-_CERTIFIED = {"double": (1e-6, 1e-8), "float": (1e-5, 1e-4)}
+_CERTIFIED = {"double": (BOUND_SLACK["double"], 1e-8), "float": (BOUND_SLACK["float"], 1e-4)}
 
 
 def equilibrium_function(

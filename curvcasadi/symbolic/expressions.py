@@ -25,6 +25,9 @@ Real = Literal["double", "float"]
 
 #: Stations closer than this are one station: s/L by cumulated sums misses 1 by some 1e-16.
 COINCIDENT = 1e-12
+#: What solvers may exceed a bound by, times the larger of 1 and the bound: whatever they return is
+#: within bounds everywhere, in Python and in C.
+BOUND_SLACK: dict[Real, float] = {"double": 1e-6, "float": 1e-5}
 #: Rotations and directions may miss their length or angles by this, rad: three digits suffice.
 FAR_FROM_ROTATION = 1e-2
 #: Two entries of a symmetric matrix may differ by this fraction of the largest entry.

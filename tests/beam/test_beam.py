@@ -83,9 +83,17 @@ def test_bounds_take_a_number_numbers_or_a_pair(bounds, lower, upper):
 @pytest.mark.parametrize("bounds", [0.1, (-0.1, 0.1), (-0.1, np.inf), ([-0.1, 0], [0.1, 0])])
 def test_weights_may_miss_their_bounds_by_a_solver_tolerance(bounds):
     limited = beam(weight_bounds=bounds)
-    cc.shape_map(limited, [-0.1 - 1e-9, 0])
+    # Solvers leave 1e-6 in double precision, whatever the size of a bound below 1.
+    cc.shape_map(limited, [-0.1 - 0.99e-6, 0.99e-6])
     with pytest.raises(ValueError, match=r"q\[0\].*Beam\.weight_bounds"):
-        cc.shape_map(limited, [-0.1 - 1e-6, 0])
+        cc.shape_map(limited, [-0.1 - 1.01e-6, 0])
+
+
+def test_large_bounds_may_be_missed_by_a_fraction():
+    limited = beam(weight_bounds=10.0, grid=cc.Grid.uniform(400))
+    cc.shape_map(limited, [10 * (1 + 0.99e-6), 0])
+    with pytest.raises(ValueError, match=r"q\[0\].*Beam\.weight_bounds"):
+        cc.shape_map(limited, [10 * (1 + 1.01e-6), 0])
 
 
 def test_breaks_gather_basis_initial_curvature_and_section():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+from contextlib import nullcontext
 from dataclasses import replace
 
 import casadi as ca
@@ -12,6 +13,7 @@ import pytest
 
 import curvcasadi as cc
 from curvcasadi.reference_wings import hale_wing
+from curvcasadi.symbolic.expressions import BOUND_SLACK
 
 STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wno-unused-parameter", "-Werror")
 WING = replace(
@@ -130,14 +132,21 @@ def test_both_forms_agree_whatever_the_buffers_held(tmp_path):
 
 
 @pytest.mark.parametrize("real", ["double", "float"])
-def test_weights_up_to_their_bounds_are_accepted_and_the_next_number_refused(tmp_path, real):
+def test_weights_that_a_solver_may_return_are_accepted_and_others_refused(tmp_path, real):
     beam = replace(WING, grid=replace(WING.grid, real=real))
     f = "f" if real == "float" else ""
-    limits = ("0.05" + f, "-0.05" + f)
-    beyond = [f"nextafter{f}({limit}, {sign}1)" for limit, sign in zip(limits, "+-", strict=True)]
-    calls = [[changed(np.zeros(N), 2, word)] for word in (*limits, *beyond)]
+    slack = BOUND_SLACK[real]
+    kept, beyond = 0.05 + 0.99 * slack, 0.05 + 1.01 * slack
+    values = (0.05, -0.05, kept, -kept, beyond, -beyond)
+    calls = [[changed(np.zeros(N), 2, f"{value!r}{f}")] for value in values]
     statuses = ended(tmp_path, cc.tip_function(beam), "tip", calls, beam=beam, real=real)
-    assert statuses == ["OK", "OK", "BAD_INPUT", "BAD_INPUT"]
+    assert statuses == ["OK"] * 4 + ["BAD_INPUT"] * 2
+    # As in Python.
+    for value, status in zip(values, statuses, strict=True):
+        q = np.zeros(N)
+        q[2] = value
+        with nullcontext() if status == "OK" else pytest.raises(ValueError, match="weight_bounds"):
+            cc.shape_map(beam, q)
 
 
 @pytest.mark.parametrize("beam", [WING, FREE], ids=["bounds", "element angles"])
@@ -157,9 +166,11 @@ def test_an_element_that_turns_further_than_the_grid_allows_is_refused(tmp_path)
     squared = float(ca.mmax(cc.squared_element_angles(FREE, ca.DM(small * direction)))) / small**2
     limit = FREE.grid.max_angle / np.sqrt(squared)
     # By the midpoint rule the angle is linear in the weights; it rounds to 1e-15.
-    calls = [[array(part * limit * direction)] for part in (0.5, 1 - 1e-9, 1 + 1e-9, 2, 1e150)]
+    slack = BOUND_SLACK["double"]
+    parts = (0.5, 1, 1 + 0.99 * slack, 1 + 1.01 * slack, 2, 1e150)
+    calls = [[array(part * limit * direction)] for part in parts]
     statuses = ended(tmp_path, cc.tip_function(FREE), "tip", calls, beam=FREE)
-    assert statuses == ["OK", "OK", "BAD_INPUT", "BAD_INPUT", "BAD_INPUT"]
+    assert statuses == ["OK"] * 3 + ["BAD_INPUT"] * 3
 
 
 def test_denormals_and_negative_zeros_are_weights_like_others(tmp_path):

@@ -172,6 +172,7 @@ from curvcasadi.files import (
     load_modes,
     load_wing,
     modal_basis,
+    write_simulation,
 )
 from curvcasadi.kinematics import (
     Shape,
@@ -449,4 +450,5 @@ __all__ = [
     "vibration_modes",
     "wing_model",
     "wing_root",
+    "write_simulation",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -25,6 +26,10 @@ from curvcasadi.symbolic.expressions import (
     positive,
     station,
 )
+from curvcasadi.symbolic.plausible import sizes, warn_of_size
+
+#: Lift slopes, 1/rad, and angles of zero lift, rad, beyond which a warning names the unit.
+SMALLEST_SLOPE, LARGEST_SLOPE, LARGEST_ANGLE = 0.5, 20.0, 0.5
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -160,6 +165,7 @@ class StripAerodynamics:
             for name, check in QUANTITIES.items()
         }
         object.__setattr__(self, "_quantities", quantities)
+        _warn_of_units(self)
         for surface in self.controls:
             if not isinstance(surface, ControlSurface):
                 raise ValueError(
@@ -199,6 +205,23 @@ class StripAerodynamics:
     def side(self) -> int:
         """`upper_side` of a load on a beam alone."""
         return 1 if self.upper_side is None else self.upper_side
+
+
+def _warn_of_units(strips: StripAerodynamics) -> None:
+    """Warn of a lift slope or an angle that look like those of degrees."""
+    slopes = sizes(strips.lift_slope)
+    unlikely = slopes[((slopes > 0) & (slopes < SMALLEST_SLOPE)) | (slopes > LARGEST_SLOPE)]
+    if unlikely.size:
+        warnings.warn(
+            f"StripAerodynamics.lift_slope: {unlikely[0]:g} 1/rad is implausible; a thin airfoil "
+            "has 2 pi = 6.28 1/rad, which is 0.11 per degree",
+            UserWarning,
+            stacklevel=4,
+        )
+    advice = "degrees are np.deg2rad(...)"
+    warn_of_size(
+        "StripAerodynamics.zero_lift_angle", strips.zero_lift_angle, LARGEST_ANGLE, "rad", advice
+    )
 
 
 #: Fields of `StripAerodynamics` that may vary along the span, and what they must fulfil.

@@ -160,6 +160,7 @@ class TrimSolver:
             held = float(
                 expression(f"inputs[{choice('inputs', name, tuple(units))!r}]", value, (1, 1))
             )
+            self._check_held(name, held, lower, upper)
             sides[name] = (held, held)
         for name in case.free:
             choice("free", name, ("sideslip", "roll"))
@@ -176,6 +177,18 @@ class TrimSolver:
             lower[k], upper[k] = low / scale, high / scale
         self._check_count(case, lower, upper)
         return lower, upper
+
+    def _check_held(self, name: str, held: float, lower: Array, upper: Array) -> None:
+        """ValueError of a held input beyond the bounds that it has where it is free."""
+        k = self.problem.names.index(name)
+        if lower[k] <= held <= upper[k]:
+            return
+        unit = self.problem.aircraft.inputs[name]
+        hint = f"; {held:g} degrees are {np.deg2rad(held):.4g} rad" if unit == "rad" else ""
+        raise ValueError(
+            f"inputs[{name!r}]: expected within {lower[k]:g} to {upper[k]:g} {unit}, "
+            f"found {held:g}{hint}"
+        )
 
     def _check_count(self, case: Case, lower: Array, upper: Array) -> None:
         names = self.problem.names

@@ -32,12 +32,16 @@ from curvcasadi.symbolic.expressions import (
     numbers,
     positive,
 )
+from curvcasadi.symbolic.plausible import warn_of_size
 
 Side = Literal["right", "left"]
 #: Share of the span over which a kink of the reference curve is bent.
 KINK = 1e-3
 #: Turn over the span, rad, that is rounding.
 ROUNDING = 1e-14
+#: Sweep and dihedral, and incidence and twist, rad, beyond which a warning names the unit.
+LARGEST, LARGEST_TURN = {"sweep": 1.3, "dihedral": 1.3}, 0.6
+DEGREES = "degrees are np.deg2rad(...)"
 _UNSWEPT = ca.DM([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 
 
@@ -77,6 +81,7 @@ def wing_root(
     choice("side", side, get_args(Side))
     for name, angle in (("sweep", sweep), ("dihedral", dihedral), ("incidence", incidence)):
         _angle(name, angle)
+        warn_of_size(name, angle, LARGEST.get(name, LARGEST_TURN), "rad", DEGREES)
     rotation = _axes(sweep, dihedral, incidence)
     if side == "left":
         rotation = ca.diag(PARENT) @ rotation @ ca.diag(LOCAL)
@@ -125,6 +130,9 @@ class WingGeometry:
         positive("WingGeometry.length", self.length)
         for name in ("sweep", "dihedral", "twist"):
             _table(f"WingGeometry.{name}", getattr(self, name), linear=name == "twist")
+        for name in ("sweep", "dihedral", "twist"):
+            largest = LARGEST.get(name, LARGEST_TURN)
+            warn_of_size(f"WingGeometry.{name}", getattr(self, name), largest, "rad", DEGREES)
         closest = min(np.diff([0.0, *self.breaks, 1.0]))
         if not 0 < self.kink < closest:
             raise ValueError(

@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.plot:
         from curvcasadi import plotting  # matplotlib takes longer to load than a shape to compute
 
-        figure = plotting.plot_shape(beam, found.q, both=not arguments.half)
+        figure = plotting.plot_shape(beam, found.q, both=not arguments.half, loads=loads)
         plotting.save_figure(figure, arguments.plot)
     for path in (arguments.out, arguments.plot):
         if path:

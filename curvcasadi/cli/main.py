@@ -6,9 +6,11 @@ import argparse
 import re
 import signal
 import sys
+import warnings
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from curvcasadi.cli import equilibrium as equilibrium_command
 from curvcasadi.cli import estimate as estimate_command
@@ -34,7 +36,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         arguments = _parser().parse_args(_joined(sys.argv[1:] if argv is None else argv))
-        code: int = arguments.run(arguments)
+        with warnings.catch_warnings():
+            warnings.showwarning = _warn
+            code: int = arguments.run(arguments)
         return code
     except ConvergenceError as error:
         return _refuse(str(error), 3)
@@ -48,6 +52,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _refuse(f"{error.filename}: {error.strerror}" if error.filename else str(error), 2)
     except ValueError as error:
         return _refuse(str(error), 2)
+
+
+def _warn(message: Warning | str, *_: Any) -> None:
+    print(f"curvcasadi: warning: {message}", file=sys.stderr)
 
 
 def _refuse(message: str, code: int) -> int:

@@ -103,7 +103,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _by_options(message: str) -> str:
     """A message of `trim` with the options of the command in place of the arguments."""
-    options = {"`inputs`": "--hold", "`free`": "--free", "an objective": "--objective"}
+    options = {
+        "`inputs`": "--hold",
+        "inputs[": "--hold [",
+        "`free`": "--free",
+        "an objective": "--objective",
+    }
     for argument, option in options.items():
         message = message.replace(argument, option)
     return message

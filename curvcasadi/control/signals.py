@@ -15,6 +15,8 @@ from curvcasadi.symbolic.layout import Layout, Part
 Signal: TypeAlias = Number | Mapping[str, Number] | Callable[[float], Number] | None
 #: What a quaternion's length may differ from 1 before it is refused; it is normalized then.
 LENGTH_TOLERANCE = 1e-6
+#: What an input may be beyond its bounds, relative to them or absolute.
+BOUND_TOLERANCE = 1e-6
 
 
 def stacked(name: str, layout: Layout, value: Number | Mapping[str, Number] | None) -> Array:
@@ -84,6 +86,35 @@ def over_time(
         ]
         return lambda k, t: np.concatenate([np.zeros(0), *(part(k, t) for part in parts)])
     return _part_over_time(name, layout.size, value, times)
+
+
+def within_bounds(
+    name: str, layout: Layout, signal: Callable[[int, float], Array]
+) -> Callable[[int, float], Array]:
+    """The same signal, which raises a ValueError where it leaves the bounds of its parts.
+
+    Angles without bounds may not be beyond ±π/2, as degrees are.
+    """
+    lower, upper = (side.copy() for side in layout.bounds)
+    units = [part.unit for part in layout.parts for _ in range(part.size)]
+    angles = np.array([unit == "rad" for unit in units], dtype=bool)
+    lower[angles & np.isinf(lower)], upper[angles & np.isinf(upper)] = -np.pi / 2, np.pi / 2
+    # What a solver returns may be beyond a bound by its tolerance.
+    room = BOUND_TOLERANCE * np.maximum(1.0, np.where(np.isfinite(upper), np.abs(upper), 1.0))
+
+    def checked(k: int, t: float) -> Array:
+        value = signal(k, t)
+        outside = np.flatnonzero((value < lower - room) | (value > upper + room))
+        if outside.size:
+            i = int(outside[0])
+            hint = f"; {value[i]:g} degrees are {np.deg2rad(value[i]):.4g} rad" if angles[i] else ""
+            raise ValueError(
+                f"{name}: {layout.labels[i]}: expected within {lower[i]:g} to {upper[i]:g}, "
+                f"found {value[i]:g} at t = {t:g} s{hint}"
+            )
+        return value
+
+    return checked
 
 
 def _part_over_time(

@@ -13,7 +13,7 @@ import numpy as np
 from curvcasadi.control import variational_midpoint as variational
 from curvcasadi.control.implicit_midpoint import TOLERANCE, midpoint_solver
 from curvcasadi.control.model import ControlModel
-from curvcasadi.control.signals import Signal, increasing, over_time, stacked
+from curvcasadi.control.signals import Signal, increasing, over_time, stacked, within_bounds
 from curvcasadi.control.step import midpoint_rule, rk4
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.symbolic.compiled import compile_function
@@ -137,7 +137,8 @@ def simulate(
     Raises
     ------
     ValueError
-        If an argument has a wrong size, a quaternion has no unit length, or times do not increase.
+        If an argument has a wrong size, an input leaves its bounds (an angle without any: ±π/2), a
+        quaternion has no unit length, or times do not increase.
     ConvergenceError
         If a step does not converge or leaves the numbers; it names time and remedy, and `.result`
         is the simulation up to there.
@@ -150,6 +151,7 @@ def simulate(
     longest = positive("dt", dt) if dt is not None else np.inf
     inputs = [over_time("u", model.u, u, grid), over_time("p", model.p, p, grid)]
     advance = _stepper(model, method, newton, tolerance)
+    inputs[0] = within_bounds("u", model.u, inputs[0])
     states, work = [start], []
     failure = None
     for k in tqdm(range(len(grid) - 1), disable=not progress, unit="step"):

@@ -4,6 +4,7 @@ from curvcasadi.files.aircraft import load_aircraft
 from curvcasadi.files.estimation import EstimationFile, load_estimation
 from curvcasadi.files.history import SHAPE_COLUMNS, load_weights, write_shape
 from curvcasadi.files.modes import load_modes, modal_basis
+from curvcasadi.files.simulation import write_simulation
 from curvcasadi.files.wing import FAMILIES, WingFile, load_beam, load_wing
 
 __all__ = [
@@ -19,4 +20,5 @@ __all__ = [
     "load_wing",
     "modal_basis",
     "write_shape",
+    "write_simulation",
 ]

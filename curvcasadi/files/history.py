@@ -28,7 +28,8 @@ def load_weights(
 
     The first line names the columns, in any order: q0 … q{n−1}, rad/m, and optionally time, s. Each
     further line is one sample: row k of the result stands in line k + 2. A table of estimates, as
-    `curvcasadi estimate --out` writes it with deviations std_q0 …, may have further columns.
+    `curvcasadi estimate --out` writes it with deviations std_q0 …, or of a simulation with rates
+    q_dot0 …, may have further columns.
 
     Parameters
     ----------
@@ -71,9 +72,11 @@ def _sample(table: CsvTable, names: Sequence[str], k: int) -> list[float]:
 
 def _check_header(table: CsvTable, names: Sequence[str], labels: Sequence[str]) -> None:
     present = table.header.columns
-    # What `estimate` writes beside weights: where it tells deviations, all else is its own.
-    estimated = all(f"std_{name}" in present for name in names)
-    found = table.header.faults(names, present if estimated else ["time"])
+    # What `estimate` and `write_simulation` write beside weights: where a table tells deviations or
+    # rates, all else is its own.
+    others = ([f"std_{name}" for name in names], [name.replace("q", "q_dot") for name in names])
+    whole = any(set(columns) <= set(present) for columns in others)
+    found = table.header.faults(names, present if whole else ["time"])
     if found:
         columns = ", ".join(
             f"{name} {label}".strip() for name, label in zip(names, labels, strict=True)

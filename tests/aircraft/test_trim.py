@@ -343,3 +343,11 @@ def test_failed_trim_of_a_wing_without_bounds_says_what_failed():
     wings = tuple(replace(w, beam=replace(w.beam, weight_bounds=None)) for w in plain.beams)
     with pytest.raises(cc.ConvergenceError, match="force along z"):
         trim(replace(plain, beams=wings), speed=8.0, density=0.0889)
+
+
+def test_a_held_deflection_in_degrees_is_refused():
+    words = (
+        r"inputs\['elevator'\]: expected within -0.5 to 0.5 rad, found 5; 5 degrees are 0.08727 rad"
+    )
+    with pytest.raises(ValueError, match=words):
+        trim(aircraft(), **AIR, inputs={"elevator": 5.0})

@@ -152,3 +152,15 @@ def test_wrong_geometry_is_refused_by_name(fields, message):
 def test_degrees_are_refused(name):
     with pytest.raises(ValueError, match=rf"{name}: expected an angle .* found 10; degrees"):
         cc.wing_root(**{name: 10})
+
+
+@pytest.mark.parametrize("name", ["sweep", "dihedral", "incidence"])
+def test_an_angle_of_implausible_size_is_named_with_its_unit(name):
+    with pytest.warns(UserWarning, match=f"{name}: 1.4 rad is implausibly large; degrees are"):
+        cc.wing_root(**{name: 1.4})
+
+
+def test_built_in_twist_of_implausible_size_is_named_with_its_unit():
+    twist = cc.Piecewise((0.0, 1.0), (0.0, -1.0))
+    with pytest.warns(UserWarning, match=r"WingGeometry.twist: 1 rad is implausibly large"):
+        cc.WingGeometry(side="right", length=10.0, twist=twist)

@@ -9,7 +9,9 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 import curvcasadi as cc
+from curvcasadi.control.signals import within_bounds
 from curvcasadi.lie import quaternion
+from curvcasadi.reference_wings import hale_wing
 from tests.support import models
 
 START = {"configuration": [1.0, 0.02], "rates": [-0.5, 0.1], "lag": [0.3]}
@@ -140,3 +142,25 @@ def test_unknown_parts_of_a_result_are_named(pendulum):
     result = cc.simulate(pendulum, START, [0, 0.1])
     with pytest.raises(ValueError, match=r"name: expected one of \['configuration', .*found 'q'"):
         result.part("q")
+
+
+def test_inputs_beyond_their_bounds_are_refused_and_degrees_are_named():
+    layout = cc.Layout((cc.Part("flap", 1, "rad"), cc.Part("pull", 1, "N", 0.0, 10.0)))
+    for value, words in (
+        (
+            [5.0, 0.0],
+            r"u: flap\[0\], rad: expected within -1.5708 to 1.5708, found 5 .* 0.08727 rad",
+        ),
+        ([0.1, -1.0], r"u: pull\[0\], N: expected within 0 to 10, found -1 at t = 2 s$"),
+    ):
+        signal = within_bounds("u", layout, lambda k, t, value=value: np.array(value))
+        with pytest.raises(ValueError, match=words):
+            signal(0, 2.0)
+    at_bound = within_bounds("u", layout, lambda k, t: np.array([0.1, 10.0 * (1 + 1e-9)]))
+    assert at_bound(0, 0.0)[1] > 10  # what a solver returns
+
+
+def test_simulations_check_their_inputs():
+    model = cc.kinematic_model(hale_wing(1, 1, 1), time_constant=1.0)
+    with pytest.raises(ValueError, match=r"u: q_command\[0\], rad/m: expected within"):
+        cc.simulate(model, None, [0.0, 0.1], u=[1.0, 0, 0])

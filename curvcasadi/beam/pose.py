@@ -26,7 +26,8 @@ class Pose:
     Attributes
     ----------
     rotation : array or expression, shape (3, 3)
-        Rotation R from local to parent axes; its columns are the local axes.
+        Rotation R from local to parent axes; its columns are the local axes. Numbers must be a
+        rotation to 1e-2, and are orthonormalized.
     position : array or expression, shape (3, 1)
         Position p, m, parent axes.
     """
@@ -35,8 +36,9 @@ class Pose:
     position: Number
 
     def __post_init__(self) -> None:
-        for name, shape in (("rotation", (3, 3)), ("position", (3, 1))):
-            value = expression(f"Pose.{name}", getattr(self, name), shape)
+        rotation = rotation_matrix("Pose.rotation", self.rotation)
+        position = expression("Pose.position", self.position, (3, 1))
+        for name, value in (("rotation", rotation), ("position", position)):
             value = value if is_numeric(value) else copied(value)  # numbers are a copy already
             object.__setattr__(self, name, value)
 
@@ -71,9 +73,8 @@ class Pose:
 
     def __matmul__(self, other: Pose) -> Pose:
         """This pose followed by `other`, which is given in this local frame."""
-        return Pose(
-            rotation=self.rotation @ other.rotation,
-            position=self.position + self.rotation @ other.position,
+        return pose_of(
+            self.rotation @ other.rotation, self.position + self.rotation @ other.position
         )
 
     def inverse(self) -> Pose:
@@ -84,10 +85,10 @@ class Pose:
         Pose
             Of the parent frame.
         """
-        return Pose(rotation=self.rotation.T, position=-(self.rotation.T @ self.position))
+        return pose_of(self.rotation.T, -(self.rotation.T @ self.position))
 
 
-def pose_of(rotation: ca.DM, position: ca.DM) -> Pose:
+def pose_of(rotation: AnyExpr, position: AnyExpr) -> Pose:
     """A pose of matrices that nobody else holds and that need no check: results of the library."""
     pose = object.__new__(Pose)
     object.__setattr__(pose, "rotation", rotation)

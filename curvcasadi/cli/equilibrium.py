@@ -24,8 +24,8 @@ HELP = """\
 The shape at which the elastic moments of a wing balance its loads: those of the wing file
 ([[loads]]) and of --load options. The section is one with stiffness, of [section].
 
-loads, in SI units, a type and key=value pairs; frame=dead (default) is fixed in parent axes,
-frame=follower in the local axes of the section:
+loads, in SI units, a type and key=value pairs; frame=dead (default) is fixed in inertial axes,
+frame=follower in the local axes of the section, frame=body in parent axes:
   --load "gravity acceleration=0,0,9.81"               m/s2; body axes have z down
   --load "point_force xi=1 force=0,0,-100 frame=dead"  N; optionally offset=x,y,z (m, local axes)
   --load "point_moment xi=1 moment=0,50,0"             N m

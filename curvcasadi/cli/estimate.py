@@ -17,7 +17,6 @@ from tqdm import tqdm
 from curvcasadi.beam.basis import CHANNELS
 from curvcasadi.beam.beam import Beam
 from curvcasadi.cli.log_filter import LogFilter
-from curvcasadi.cli.options import add_progress
 from curvcasadi.estimation.ekf.consistency import summary
 from curvcasadi.estimation.ekf.stream import Point, RowStepper, compiled, row_function
 from curvcasadi.estimation.observability import unseen
@@ -93,7 +92,6 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="compile the filter with gcc: takes seconds, then ten times as fast",
     )
-    add_progress(parser)
     parser.set_defaults(run=run)
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from curvcasadi.cli.options import option
 from curvcasadi.export.wing import write_wing_c
 from curvcasadi.files import load_beam
 
@@ -28,7 +29,9 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("wing", type=Path, metavar="WING.toml", help="wing file")
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="where to write")
-    parser.add_argument("--real", choices=("double", "float"), default="float", help="arithmetic")
+    parser.add_argument(
+        "--real", choices=("double", "float"), default="float", help="default: float"
+    )
     parser.add_argument(
         "--max-angle", type=float, metavar="RAD", help="that one element may turn; of the file"
     )
@@ -42,7 +45,8 @@ def run(arguments: argparse.Namespace) -> int:
     beam = load_beam(arguments.wing)
     grid = replace(beam.grid, real=arguments.real)
     if arguments.max_angle is not None:
-        grid = replace(grid, max_angle=arguments.max_angle)
+        with option("--max-angle"):
+            grid = replace(grid, max_angle=arguments.max_angle)
     manifest = write_wing_c(replace(beam, grid=grid), arguments.out)
     for name, function in manifest["functions"].items():
         sizes = function["buffers"]

@@ -20,6 +20,7 @@ from curvcasadi.cli import shape as shape_command
 from curvcasadi.cli import target as target_command
 from curvcasadi.cli import template as template_command
 from curvcasadi.cli import trim as trim_command
+from curvcasadi.cli.options import add_progress
 from curvcasadi.errors import ConvergenceError, leave_at_interrupt
 
 #: Options whose numbers may begin with a minus sign.
@@ -84,6 +85,8 @@ def _parser() -> argparse.ArgumentParser:
     demo = commands.add_parser("demo", help="a tour of the package, written to a directory")
     demo.add_argument("--out", type=Path, metavar="DIR", default=Path("out"), help="default: out")
     demo.set_defaults(run=_demo)
+    for command in commands.choices.values():
+        add_progress(command)
     return parser
 
 

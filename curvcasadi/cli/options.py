@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,16 @@ def output(*endings: str) -> Callable[[str], Path]:
 def add_progress(parser: Any) -> None:
     """Add --no-progress."""
     parser.add_argument("--no-progress", action="store_true", help="no progress bar")
+
+
+@contextmanager
+def option(name: str) -> Iterator[None]:
+    """A constructor's error "Grid.max_angle: expected …" becomes one of the option `name`."""
+    try:
+        yield
+    except ValueError as error:
+        _, _, message = str(error).partition(": ")
+        raise ValueError(f"{name}: {message}") from None
 
 
 def vector(text: str) -> Array:

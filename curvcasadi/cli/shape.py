@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.cli.options import ANIMATIONS, FIGURES, TABLES, add_progress, output
+from curvcasadi.cli.options import ANIMATIONS, FIGURES, TABLES, output
 from curvcasadi.files import load_beam, load_weights, write_shape
 from curvcasadi.kinematics.history import ShapeHistory, shape_history
 from curvcasadi.lie import so3
@@ -54,7 +54,6 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("--basis-plot", type=figure, metavar="FILE.png", help="basis functions")
     parser.add_argument("--half", action="store_true", help="figures without the mirror image")
-    add_progress(parser)
     parser.set_defaults(run=run)
 
 

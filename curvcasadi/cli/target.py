@@ -16,6 +16,7 @@ from curvcasadi.kinematics.history import shape_history
 from curvcasadi.lie import so3
 from curvcasadi.ocp.reach import ShapeResult, reach_shape
 from curvcasadi.ocp.targets import Target
+from curvcasadi.symbolic.expressions import rotation_vector
 
 HELP = """\
 The smoothest shape of a wing whose station --xi comes to a position and, with --turn, an attitude,
@@ -79,7 +80,7 @@ def _rotation(beam: Beam, arguments: argparse.Namespace) -> ca.DM | None:
     from curvcasadi.kinematics.shape import pose_at
 
     unloaded = pose_at(beam, np.zeros(beam.basis.n), arguments.xi).rotation
-    rotation: ca.DM = so3.exp(ca.DM(arguments.turn)) @ unloaded
+    rotation: ca.DM = so3.exp(rotation_vector("--turn", arguments.turn)) @ unloaded
     return rotation
 
 

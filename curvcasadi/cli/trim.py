@@ -15,7 +15,7 @@ from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.aircraft.trim import STANDARD_GRAVITY, trim_sweep
 from curvcasadi.aircraft.trim_problem import OBJECTIVES
 from curvcasadi.aircraft.trim_result import TrimResult
-from curvcasadi.cli.options import FIGURES, add_progress, output
+from curvcasadi.cli.options import FIGURES, output
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.files.aircraft import read_aircraft, read_density
 from curvcasadi.files.toml_reader import load_table
@@ -61,7 +61,6 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--objective", choices=OBJECTIVES, help="what to make least")
     parser.add_argument("--out", type=output(".csv"), metavar="FILE.csv", help="table")
     parser.add_argument("--plot", type=output(*FIGURES), metavar="FILE.png", help="trimmed wings")
-    add_progress(parser)
     parser.set_defaults(run=run)
 
 

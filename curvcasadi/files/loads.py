@@ -28,7 +28,8 @@ _PLACE = {"xi": Key(toml.NUMBER, "station s/L, 0 to 1")}
 _FRAME = {
     "frame": Key(
         toml.TEXT,
-        "`dead`: fixed in parent axes; `follower`: fixed in local axes, turns with the wing",
+        "`dead`: fixed in inertial axes; `follower`: fixed in local axes, turns with the wing; "
+        "`body`: fixed in parent axes",
     )
 }
 _OFFSET = {

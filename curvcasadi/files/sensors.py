@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import casadi as ca
-
 from curvcasadi import sensors as kinds
 from curvcasadi.files import toml_reader as toml
 from curvcasadi.files.toml_reader import Key, Keys
 from curvcasadi.files.wing import root_of
 from curvcasadi.lie import so3
 from curvcasadi.sensors import Sensor
+from curvcasadi.symbolic.expressions import rotation_vector
 
 #: Sensors by their kind in a wing file; their keys there are the fields of the class.
 SENSOR_KINDS: dict[str, type[Sensor]] = {
@@ -121,8 +120,10 @@ def read_sensor(table: toml.Table) -> Sensor:
     values = table.read(SENSORS[kind])
     del values["kind"]
     if isinstance(values.get("mounting"), dict):
-        turn = table.table("mounting").read(MOUNTING)
-        values["mounting"] = so3.exp(ca.DM(turn["rotation_vector"]))
+        mounting = table.table("mounting")
+        turn = mounting.read(MOUNTING)["rotation_vector"]
+        with mounting.owning_errors():
+            values["mounting"] = so3.exp(rotation_vector("rotation_vector", turn))
     if "pose" in values:
         values["pose"] = root_of(table.table("pose"))
     with table.owning_errors():

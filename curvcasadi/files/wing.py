@@ -12,8 +12,6 @@ from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
-
 from curvcasadi.beam import families
 from curvcasadi.beam.basis import CHANNELS, ChannelBasis
 from curvcasadi.beam.beam import Beam
@@ -27,7 +25,7 @@ from curvcasadi.files.loads import read_load
 from curvcasadi.files.sections import piecewise, read_body, read_section
 from curvcasadi.files.toml_reader import Key, Keys
 from curvcasadi.lie import so3
-from curvcasadi.symbolic.expressions import rotation_matrix
+from curvcasadi.symbolic.expressions import rotation_matrix, rotation_vector
 
 #: Families by their name in a wing file; their keys there are the fields of the class.
 FAMILIES: dict[str, type] = {
@@ -152,8 +150,8 @@ _ROOT_ANGLES = {
 ROOT = Keys(
     place="[beam.root]",
     meaning="A pose: a position, and a rotation, a rotation vector, or angles of a half wing.",
-    required={"position": Key(toml.VECTOR, "of the origin of the axes", "m")},
     optional={
+        "position": Key(toml.VECTOR, "of the origin of the axes", "m", "the parent origin"),
         "rotation": Key(
             toml.MATRIX,
             "rotation matrix, whose columns are the local axes",
@@ -358,6 +356,7 @@ def grid_of(table: toml.Table) -> Grid:
 def root_of(table: toml.Table) -> Pose:
     values = table.read(ROOT)
     angles = {key: value for key, value in values.items() if key in _ROOT_ANGLES}
+    position = values.get("position", (0.0, 0.0, 0.0))
     given = [key for key in ("rotation", "rotation_vector") if key in values]
     if len(given) + bool(angles) != 1:
         found = ", ".join([*given, *angles]) or "none of them"
@@ -367,13 +366,13 @@ def root_of(table: toml.Table) -> Pose:
         )
     with table.owning_errors():
         if angles:
-            return wing_root(position=values["position"], **angles)
+            return wing_root(position=position, **angles)
         rotation = (
             rotation_matrix("rotation", values["rotation"])
             if "rotation" in values
-            else so3.exp(ca.DM(values["rotation_vector"]))
+            else so3.exp(rotation_vector("rotation_vector", values["rotation_vector"]))
         )
-        return Pose(rotation=rotation, position=values["position"])
+        return Pose(rotation=rotation, position=position)
 
 
 def _geometry(table: toml.Table, length: float) -> WingGeometry:

@@ -32,6 +32,10 @@ def exp(k: Expr, degree: int = series.DEGREE) -> Expr:
 
     R = I + c1(θ²) [k×] + c2(θ²) [k×]²,   θ = |k|          (transpose of Eq. 6, k = s K)
 
+    With the default degree the polynomials are those of sine and cosine to rounding up to θ = 5,
+    to 1e-11 up to 2π, and to 1e-6 up to 9; beyond, as for a vector in degrees, the result is no
+    rotation.
+
     Parameters
     ----------
     k : (3, 1), rad

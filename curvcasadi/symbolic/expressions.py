@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
-from math import isfinite
+from math import isfinite, pi
 from typing import Any, Literal, TypeAlias, TypeVar
 
 import casadi as ca
@@ -36,6 +36,8 @@ ASYMMETRY = 1e-8
 _SYMBOLIC = (ca.SX, ca.MX)
 #: Deviations from a rotation that are rounding; matrices so close to one stay as they are.
 _ROUNDING = 1e-14
+#: Entries of what was meant as a rotation; so3.exp of a vector in degrees has larger ones.
+_LARGEST_ENTRY = 100.0
 
 
 def is_numeric(value: Number) -> bool:
@@ -111,14 +113,31 @@ def rotation_matrix(name: str, value: Number) -> AnyExpr:
             raise ValueError(
                 f"{name}: expected a right-handed frame, found the reflection {columns.tolist()}"
             )
+        largest = np.max(np.abs(columns))
         raise ValueError(
-            f"{name}: expected orthonormal columns, to {FAR_FROM_ROTATION:g}; "
-            f"found {columns.tolist()}"
+            f"{name}: expected orthonormal columns, to {FAR_FROM_ROTATION:g}; found "
+            + (
+                f"{columns.tolist()}"
+                if largest <= _LARGEST_ENTRY
+                else f"entries up to {largest:.3g}: of a rotation vector in degrees?"
+            )
         )
     if np.max(np.abs(columns.T @ columns - np.eye(3))) <= _ROUNDING:
         return rotation
     left, _, right = np.linalg.svd(columns)
     return ca.DM(left @ right)
+
+
+def rotation_vector(name: str, value: Number) -> AnyExpr:
+    """`value`, a (3, 1) symbol, or numbers of a length up to a full turn."""
+    vector = expression(name, value, (3, 1))
+    if is_numeric(vector) and float(ca.norm_2(vector)) > 2 * pi:
+        raise ValueError(
+            f"{name}: expected a rotation vector of at most 2π rad, "
+            f"found {vector.full().ravel().tolist()} of length {float(ca.norm_2(vector)):g}; "
+            "degrees?"
+        )
+    return vector
 
 
 def is_rotation(values: AnyExpr) -> AnyExpr:

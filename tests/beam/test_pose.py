@@ -66,6 +66,14 @@ def test_poses_hold_expressions(symbolic):
             {"rotation": np.eye(2), "position": [0, 0, 0]},
             r"Pose\.rotation: expected shape \(3, 3\)",
         ),
+        (
+            {"rotation": np.diag([1, 1, -1]), "position": [0, 0, 0]},
+            r"Pose\.rotation: expected a right-handed frame, found the reflection",
+        ),
+        (
+            {"rotation": np.zeros((3, 3)), "position": [0, 0, 0]},
+            r"Pose\.rotation: expected orthonormal columns, to 0.01; found",
+        ),
         ({"rotation": np.eye(3), "position": [0, 0]}, r"Pose\.position: expected shape \(3, 1\)"),
         ({"rotation": np.eye(3), "position": [[0, 0, 0]]}, r"Pose\.position: .*found \(1, 3\)"),
         ({"rotation": np.eye(3), "position": [0, np.nan, 0]}, r"Pose\.position: expected finite"),

@@ -68,7 +68,7 @@ def test_the_export_finds_shapes_to_test_within_the_limits_of_a_wing(tmp_path, o
         (
             HALE,
             ["--max-angle", "0"],
-            r"Grid\.max_angle: expected an angle in \(0, π\] rad",
+            r"--max-angle: expected an angle in \(0, π\] rad",
         ),
         (
             HALE.replace("= 0.15", "= { lower = 5, upper = 8 }"),
@@ -80,8 +80,9 @@ def test_the_export_finds_shapes_to_test_within_the_limits_of_a_wing(tmp_path, o
             [],
             r"\[beam\] span: expected one of",
         ),
+        (HALE, ["--max-angle", "90"], r"--max-angle: expected an angle in \(0, π\] rad, found 90"),
     ],
-    ids=["no angle", "bent bounds", "unknown key"],
+    ids=["no angle", "bent bounds", "unknown key", "degrees"],
 )
 def test_the_export_says_in_a_line_what_it_cannot_do(tmp_path, capsys, text, options, message):
     assert export(tmp_path, text, *options) == 2

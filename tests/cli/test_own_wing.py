@@ -98,6 +98,17 @@ def test_a_turned_target_turns_the_section(wing, capsys):
     np.testing.assert_allclose(found.position, bent.position, atol=1e-6)
 
 
+def test_a_turn_in_degrees_is_refused(wing, capsys):
+    assert main(["target", str(wing), "--position=-0.5,7.5,-2", "--turn", "0,90,0"]) == 2
+    assert re.search("--turn: expected .*2π rad.*degrees\\?", capsys.readouterr().err)
+
+
+def test_every_command_takes_no_progress(wing, capsys):
+    assert main(["info", str(wing), "--no-progress"]) == 0
+    arguments = ["template", "wing", "--no-progress"]
+    assert main(arguments) == 0
+
+
 def test_a_target_out_of_reach_ends_with_code_3(wing, capsys):
     assert main(["target", str(wing), "--position", "0,20,0"]) == 3
     assert "curvcasadi: error: " in capsys.readouterr().err

@@ -207,6 +207,11 @@ class TestWingFile:
         np.testing.assert_allclose(pose.rotation.full(), expected, atol=1e-15)
         np.testing.assert_array_equal(pose.position.full(), [[1], [2], [3]])
 
+    def test_a_root_without_a_position_is_at_the_origin(self, wing):
+        for root in ("sweep = 0.1", "rotation_vector = [0.1, 0, 0]"):
+            pose = load_beam(wing(beam=f"length = 2.0\nroot = {{ {root} }}")).root
+            np.testing.assert_array_equal(pose.position.full(), np.zeros((3, 1)))
+
     def test_initial_curvature_is_constant_or_linear_between_samples(self, wing):
         beam = load_beam(wing(beam="length = 2.0\ninitial_curvature = [0.1, 0.2, 0.3]"))
         np.testing.assert_array_equal(
@@ -315,8 +320,9 @@ class TestWingFile:
              "rotation = [[1, 0, 0], [0, 1, 0], [0, 0, 1]] }",
              "[beam.root] expected rotation, rotation_vector, or side, sweep, dihedral and "
              "incidence; found rotation, rotation_vector"),
-            ("root = { rotation_vector = [0, 0, 0] }",
-             "[beam.root] position: expected 3 finite numbers, found no such key"),
+            ("root = { rotation_vector = [0, 0, 90] }",
+             "[beam.root] rotation_vector: expected a rotation vector of at most 2π rad, "
+             "found [0.0, 0.0, 90.0] of length 90; degrees?"),
             ("root = { position = [0, 0], rotation_vector = [0, 0, 0] }",
              "[beam.root] position: expected 3 finite numbers, found [0, 0]"),
             ("root = { position = [0, 0, 0], rotation = [[1, 0, 0], [0, 1, 0]] }",

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from curvcasadi.lie import so3
 from curvcasadi.symbolic.expressions import (
     choice,
     count,
@@ -98,6 +99,8 @@ def test_an_exact_rotation_stays_as_it_is():
 def test_what_misses_a_rotation_by_more_than_a_hundredth_is_refused(matrix):
     with pytest.raises(ValueError, match=r"R: expected orthonormal columns, to 0\.01; found"):
         rotation_matrix("R", matrix)
+    with pytest.raises(ValueError, match=r"R: expected orthonormal .* up to .*: .* in degrees\?"):
+        rotation_matrix("R", so3.exp(ca.DM([0, 90, 0])))
     with pytest.raises(ValueError, match=r"R: expected a right-handed frame, found the reflection"):
         rotation_matrix("R", -np.eye(3))
 

@@ -23,6 +23,7 @@ from curvcasadi.symbolic.expressions import (
     expression,
     own_fields,
     positive,
+    sequence,
     unit_vector,
 )
 from curvcasadi.symbolic.text import described, shown
@@ -159,7 +160,7 @@ class Wing:
         _is("Wing.beam", self.beam, Beam)
         if self.strips is not None:
             _is("Wing.strips", self.strips, StripAerodynamics)
-        object.__setattr__(self, "loads", tuple(self.loads))
+        object.__setattr__(self, "loads", sequence("Wing.loads", self.loads))
         if any(isinstance(load, Gravity) for load in self.loads):
             raise ValueError("Wing.loads: expected loads beside the weight, found Gravity")
         if not self.name.isidentifier():

@@ -16,6 +16,7 @@ from curvcasadi.symbolic.expressions import (
     is_numeric,
     numbers,
     own_fields,
+    sequence,
 )
 
 #: (name, value) -> the value as it is used, or a ValueError that begins with the name.
@@ -44,6 +45,7 @@ class Piecewise:
         name = type(self).__name__
         own_fields(self)
         xi = increasing_stations(f"{name}.xi", self.xi)
+        sequence(f"{name}.values", self.values)
         self._check_number(name, len(xi))
         # What rounding alone made two stations is one; in a linear table inside the span, a jump.
         rounded = (np.diff(xi) == 0) & (np.diff(numbers(f"{name}.xi", self.xi)) != 0)

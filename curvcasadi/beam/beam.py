@@ -25,6 +25,7 @@ from curvcasadi.symbolic.expressions import (
     is_numeric,
     own_fields,
     positive,
+    sequence,
     station,
 )
 from curvcasadi.symbolic.text import described, grouped, shown
@@ -79,7 +80,7 @@ class Beam:
         object.__setattr__(self, "length", positive("Beam.length", self.length))
         instance("Beam.grid", self.grid, Grid)
         object.__setattr__(self, "root", checked_pose("Beam.root", self.root))
-        object.__setattr__(self, "bodies", tuple(self.bodies or ()))
+        object.__setattr__(self, "bodies", sequence("Beam.bodies", self.bodies or ()))
         for body in self.bodies:
             instance("Beam.bodies", body, Body)
         if self.section is not None and not isinstance(self.section, Section):

@@ -20,7 +20,7 @@ from typing import Any, Literal, TypeAlias, get_args
 import casadi as ca
 import numpy as np
 
-from curvcasadi.beam.along import Piecewise, breaks_of, scalar
+from curvcasadi.beam.along import Piecewise, breaks_of, scalar, vector
 from curvcasadi.beam.mirror import CURVATURE, LOCAL, PARENT
 from curvcasadi.beam.pose import Pose
 from curvcasadi.lie import so3
@@ -30,6 +30,7 @@ from curvcasadi.symbolic.expressions import (
     choice,
     is_numeric,
     numbers,
+    own_fields,
     positive,
 )
 from curvcasadi.symbolic.plausible import warn_of_size
@@ -126,8 +127,10 @@ class WingGeometry:
     kink: float = KINK
 
     def __post_init__(self) -> None:
+        own_fields(self)
         choice("WingGeometry.side", self.side, get_args(Side))
         positive("WingGeometry.length", self.length)
+        vector("WingGeometry.position", self.position)
         for name in ("sweep", "dihedral", "twist"):
             _table(f"WingGeometry.{name}", getattr(self, name), linear=name == "twist")
         for name in ("sweep", "dihedral", "twist"):
@@ -213,8 +216,7 @@ def _angle(name: str, angle: Number) -> Number:
     value = scalar(name, angle)
     if is_numeric(value) and not abs(float(value)) < pi / 2:
         raise ValueError(
-            f"{name}: expected an angle between -π/2 and π/2, rad, found {float(value):g}; "
-            "degrees are np.deg2rad(...)"
+            f"{name}: expected an angle between -π/2 and π/2, rad, found {float(value):g}; degrees?"
         )
     return value
 

@@ -81,7 +81,9 @@ def run(arguments: argparse.Namespace) -> int:
 def _table(beam: Beam, loads: Sequence[Any], found: Equilibrium) -> str:
     tip, root = found.shape.tip, beam.root
     turn = np.degrees(so3.log(root.rotation.T @ tip.rotation).full())
-    magnitudes = np.linalg.norm(found.shape.curvatures.full(), axis=0)
+    stations = found.shape.stations
+    elastic = ca.horzcat(*(ca.DM(beam.basis(xi)) @ found.q for xi in stations))
+    magnitudes = np.linalg.norm(elastic.full(), axis=0)
     most = int(magnitudes.argmax())
     moment, force = ca.vertsplit(root_wrench(beam, found.q, loads), [0, 3, 6])
     moment = root.rotation.T @ (moment - ca.cross(root.position, force))
@@ -92,7 +94,8 @@ def _table(beam: Beam, loads: Sequence[Any], found: Equilibrium) -> str:
         "Newton iterations": str(found.iterations),
         "tip position": f"{_numbers(tip.position, '10.4f')}  m, parent axes",
         "tip rotation": f"{_numbers(turn, '10.4f')}  deg, rotation vector in root axes",
-        "largest curvature": f"{magnitudes[most]:.6g} rad/m at xi = {found.shape.stations[most]:g}",
+        "largest curvature": f"{magnitudes[most]:.6g} rad/m at xi = {stations[most]:g}, of the "
+        "elastic part K − K_0",
         "strain energy": f"{energy:.6g} J",
         "root moment": f"{_numbers(moment, '10.6g')}  N m, of the loads, about the root, root axes",
         "residual": f"{found.residual_norm:.1e} N m2, largest entry of S q - Q",

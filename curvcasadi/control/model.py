@@ -9,6 +9,7 @@ import casadi as ca
 from curvcasadi.lie import quaternion
 from curvcasadi.symbolic.expressions import Real
 from curvcasadi.symbolic.layout import Layout
+from curvcasadi.symbolic.text import described
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -90,6 +91,16 @@ class ControlModel:
     angles: ca.Function | None = None
     pose: ca.Function | None = None
     second_order: SecondOrder | None = None
+
+    def __repr__(self) -> str:
+        return f"<ControlModel {self.name}: {self.x.size} states, {self.u.size} inputs>"
+
+    def __str__(self) -> str:
+        rows = {
+            name: ", ".join(f"{p.name} ({p.size}, {p.unit})" for p in layout.parts) or "none"
+            for name, layout in zip("xupy", (self.x, self.u, self.p, self.y), strict=True)
+        }
+        return described(f"ControlModel {self.name}: parts (entries, unit)", rows)
 
     @property
     def residual(self) -> ca.Function:

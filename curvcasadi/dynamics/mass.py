@@ -52,7 +52,7 @@ def mass_matrix(beam: Beam, q: AnyExpr, loads: Sequence[Any] = ()) -> AnyExpr:
         As `inverse_dynamics`.
     """
     states = system.weights(beam, q=q)
-    built = system.build(beam, tuple(loads), None, states)
+    built = system.build(beam, loads, None, states)
     return unpack_symmetric(packed_mass_matrix(built, states["q"]), beam.basis.n)
 
 

@@ -15,7 +15,7 @@ from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.lie import se3
 from curvcasadi.loads.kinds import Gravity
 from curvcasadi.loads.stations import StationLoads, couplings, station_loads
-from curvcasadi.symbolic.expressions import AnyExpr, expression, instance, same_kind
+from curvcasadi.symbolic.expressions import AnyExpr, expression, instance, same_kind, sequence
 
 
 class ParentMotion(NamedTuple):
@@ -81,7 +81,7 @@ def build(
     beam: Beam, loads: Sequence[Any], root: RootMotion | None, weights: Mapping[str, AnyExpr]
 ) -> System:
     """System of `beam`; all its symbols must be of the kind of the `weights`."""
-    loads = tuple(loads)
+    loads = sequence("loads", loads)
     root = instance("root", RootMotion() if root is None else root, RootMotion)
     to_parent, attitude = _adjoint(beam.root), root.pose.rotation
     parent = ParentMotion(

@@ -11,6 +11,8 @@ from pathlib import Path
 
 from curvcasadi.files.toml_reader import read_text
 
+_SEPARATORS = {";": "semicolons", "\t": "tabs"}
+
 
 @dataclass(frozen=True)
 class CsvHeader:
@@ -36,7 +38,10 @@ class CsvHeader:
         unknown = [name for name in columns if name not in (*required, *optional)]
         repeated = sorted({name for name in columns if columns.count(name) > 1})
         found = {"no": missing, "the unknown": unknown, "twice": repeated}
-        return "; ".join(f"{fault} {', '.join(names)}" for fault, names in found.items() if names)
+        texts = [f"{fault} {', '.join(names)}" for fault, names in found.items() if names]
+        if texts and len(columns) == 1 and (mark := _separator(columns[0])):
+            texts.append(f"columns separated by {mark}, not by commas")
+        return "; ".join(texts)
 
     def cells(self, line: int, text: str) -> list[str]:
         """The cells of a line, one for each column."""
@@ -109,6 +114,11 @@ def is_plain(text: str) -> bool:
 def is_number(text: str) -> bool:
     """Whether a cell holds a number, nan and inf included."""
     return not math.isnan(_number(text)) or text.strip().lower().lstrip("+-") == "nan"
+
+
+def _separator(text: str) -> str:
+    """What separates the columns of a line without commas, in words; or nothing."""
+    return next((name for mark, name in _SEPARATORS.items() if mark in text), "")
 
 
 def _number(text: str) -> float:

@@ -154,7 +154,8 @@ def _text(path: Path, line: int, raw: bytes) -> str:
     except UnicodeDecodeError as error:
         raise ValueError(
             f"{path}: line {line}: expected UTF-8 text, found the byte "
-            f"0x{raw[error.start]:02x} as character {error.start + 1} of the line"
+            f"0x{raw[error.start]:02x} as character {error.start + 1} of the line; "
+            "save the file as UTF-8"
         ) from None
     if "\0" in text:
         raise ValueError(f"{path}: line {line}: expected text, found a zero byte")

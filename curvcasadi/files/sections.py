@@ -21,6 +21,7 @@ from curvcasadi.beam.section import (
 )
 from curvcasadi.files import toml_reader as toml
 from curvcasadi.files.toml_reader import Key, Keys
+from curvcasadi.symbolic.expressions import COINCIDENT
 
 MATRIX_4 = toml.list_of(
     toml.list_of(toml.NUMBER, "4 finite numbers", 4), "4 rows of 4 finite numbers", 4
@@ -162,14 +163,20 @@ def _condensed(stiffness: Any) -> Any:
 
 
 def _check(section: Section) -> None:
-    """Every interval: `Section` itself looks at a function of xi where a model asks for it."""
+    """Every interval: `Section` itself looks at a function of xi where a model asks for it.
+
+    What is linear in an interval is right in all of it if it is so at the middle and at both ends,
+    which are looked at from within, as the value may jump there.
+    """
     for left, right in pairwise((0.0, *section.breaks, 1.0)):
-        xi = round((left + right) / 2, 12)
-        section.stiffness(xi)
-        if section.mass_per_length is not None:
-            section.mass_at(xi)
-        if callable(section.inertia):
-            symmetric(f"inertia at xi = {xi}", section.inertia(xi))
+        middle = round((left + right) / 2, 12)
+        last = 1.0 if right == 1.0 else right - COINCIDENT
+        for xi in (middle, left, last):
+            section.stiffness(xi)
+            if section.mass_per_length is not None:
+                section.mass_at(xi)
+            if callable(section.inertia):
+                symmetric(f"inertia at xi = {xi}", section.inertia(xi))
 
 
 def read_body(table: toml.Table) -> Body:

@@ -205,7 +205,11 @@ def read_text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: expected UTF-8 text, found: {error}") from None
+        line = 1 + error.object.count(b"\n", 0, error.start)
+        raise ValueError(
+            f"{path}: line {line}: expected UTF-8 text, found the byte "
+            f"0x{error.object[error.start]:02x}; save the file as UTF-8"
+        ) from None
     except OSError as error:
         raise type(error)(f"{path}: expected a readable file, found: {error.strerror}") from None
 

@@ -40,6 +40,7 @@ from curvcasadi.symbolic.expressions import (
     Array,
     Number,
     rotation_matrix,
+    sequence,
 )
 
 Frame = Literal["dead", "follower", "body"]
@@ -255,10 +256,11 @@ def load_breaks(loads: Sequence[Load]) -> tuple[float, ...]:
 
 def checked_loads(loads: Sequence[Load]) -> tuple[Load, ...]:
     """`loads`, each of which has what a `Load` has."""
+    loads = sequence("loads", loads)
     for load in loads:
         if not isinstance(load, Load):
             raise ValueError(f"loads: expected loads such as PointForce or Gravity, found {load!r}")
-    return tuple(loads)
+    return loads
 
 
 def loaded_mesh(beam: Beam, loads: Sequence[Load]) -> Mesh:

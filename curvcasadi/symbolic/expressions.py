@@ -279,6 +279,14 @@ def instance(name: str, value: Any, kind: type) -> Any:
     return value
 
 
+def sequence(name: str, values: Any) -> tuple[Any, ...]:
+    """`values`, a sequence, as a tuple."""
+    try:
+        return tuple(values)
+    except TypeError:
+        raise ValueError(f"{name}: expected a sequence, found {values!r}") from None
+
+
 def function_name(name: str, value: Any) -> str:
     """`value`, a name that CasADi takes for a Function."""
     if not isinstance(value, str) or not ca.Function.check_name(value):

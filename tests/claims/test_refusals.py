@@ -32,6 +32,26 @@ MISTAKES = {
         lambda: cc.tip_path_step_function(WING, dt=0.1, horizon=2),
         "model: expected a ControlModel",
     ),
+    "one load": (
+        lambda: cc.solve_equilibrium(WING, cc.Gravity([0, 0, 9.81])),
+        "loads: expected a sequence, found Gravity",
+    ),
+    "one load of a moving wing": (
+        lambda: cc.forward_dynamics(WING, np.zeros(9), np.zeros(9), cc.Gravity([0, 0, 9.81])),
+        "loads: expected a sequence, found Gravity",
+    ),
+    "one body": (
+        lambda: replace(WING, bodies=cc.Body(xi=1, mass=1)),
+        "Beam.bodies: expected a sequence, found Body",
+    ),
+    "one value of a table": (
+        lambda: cc.Piecewise([0, 1], 3),
+        "Piecewise.values: expected a sequence, found 3",
+    ),
+    "a position that is no number": (
+        lambda: cc.WingGeometry(length=1.0, position=[0, np.nan, 0]),
+        "WingGeometry.position: expected finite numbers",
+    ),
     "name with a space": (
         lambda: cc.pose_function("a b", WING, [1.0]),
         "name: expected letters, digits",

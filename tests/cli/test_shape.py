@@ -152,6 +152,18 @@ class TestEquilibrium:
         (residual,) = leading(printed["residual"], 1)
         assert residual == pytest.approx(found.residual_norm, rel=0.1, abs=1e-9)
 
+    def test_the_largest_curvature_is_that_of_the_elastic_part(self, tmp_path, capsys):
+        bent = (
+            Path(HALE_WING)
+            .read_text()
+            .replace("[beam]", "[beam]\ninitial_curvature = [0, 0.05, 0]", 1)
+        )
+        path = tmp_path / "bent.toml"
+        path.write_text(bent)
+        load = "point_force xi=1 force=0,0,-1"
+        assert main(["equilibrium", str(path), "--load", load]) == 0
+        assert leading(rows(capsys.readouterr().out)["largest curvature"], 1)[0] < 0.01
+
     def test_the_root_moment_is_the_weight_on_its_arm(self, capsys):
         assert main(["equilibrium", HALE_WING, "--load", self.GRAVITY]) == 0
         moment = leading(rows(capsys.readouterr().out)["root moment"], 3)

@@ -114,3 +114,9 @@ def test_wrong_curvature_stations_are_refused(beam, stations):
 def test_design_symbols_are_refused_by_name(beam, field, value):
     with pytest.raises(ValueError, match=rf"Beam\.{field}: .*needs numbers, found a symbol"):
         cc.kinematic_model(replace(beam, **{field: value}), time_constant=1)
+
+
+def test_a_model_prints_the_parts_of_its_vectors(beam):
+    lines = str(cc.kinematic_model(beam, time_constant=0.2)).splitlines()
+    assert "kinematic" in lines[0] and len(lines) < 20 and max(map(len, lines)) <= 100
+    assert f"  x  q ({beam.basis.n}, rad/m)" in lines

@@ -362,7 +362,9 @@ class TestWingFile:
     def test_a_file_that_is_no_text_is_refused(self, tmp_path):
         path = tmp_path / "wing.toml"
         path.write_bytes(b"\xff\xfe[beam]")
-        refused(path, "expected UTF-8 text, found: ")
+        refused(path, "line 1: expected UTF-8 text, found the byte 0xff; save the file as UTF-8")
+        path.write_bytes("[beam]\nlength = 2.0  # für".encode("latin-1"))
+        refused(path, "line 2: expected UTF-8 text, found the byte 0xfc; save the file as UTF-8")
 
     def test_a_missing_file_is_named(self, tmp_path):
         path = tmp_path / "no.toml"
@@ -444,6 +446,12 @@ class TestSectionTable:
              "GJ at xi = 0.75: expected a number above zero, found -2.0"),
             ("xi = [0, 0.5, 1]\nGJ = 1\nEI_y = 1\nEI_z = 1\nmass_per_length = [1, -1]",
              "mass_per_length at xi = 0.75: expected a number not below zero, found -1.0"),
+            ("xi = [0, 0.5, 1]\nGJ = [800, 600, 0]\nEI_y = 1\nEI_z = 1",
+             "GJ at xi = 1: expected a number above zero, found 0.0"),
+            ("xi = [0, 0.5, 1]\nGJ = [-300, 600, 800]\nEI_y = 1\nEI_z = 1",
+             "GJ at xi = 0: expected a number above zero, found -300.0"),
+            ("xi = [0, 0.5, 0.5, 1]\nGJ = [800, -100, 600, 800]\nEI_y = 1\nEI_z = 1",
+             "GJ at xi = 0.5: expected a number above zero, found -"),
             ("GJ = 1\nEI_y = 1\nEI_z = 1\nmass_per_length = -1",
              "mass_per_length: expected a number above zero, found -1.0"),
             ("GJ = 1\nEI_y = 1\nEI_z = 1\ncoupling_xy = 2",
@@ -646,6 +654,8 @@ class TestWeightFile:
              "time, found twice q0"),
             ("0.1,0.2\n", "line 1: expected 2 columns of weights (q0, q1) and optionally time, "
              "found no q0, q1; the unknown 0.1, 0.2"),
+            ("q0;q1\n1;2\n", "line 1: expected 2 columns of weights (q0, q1) and optionally time, "
+             "found no q0, q1; the unknown q0;q1; columns separated by semicolons, not by commas"),
             ("q0,q1\n", "line 2: expected a sample of q0, q1, found none"),
             ("q0,q1\n1,2\n1\n", "line 3: expected 2 cells, as in line 1, found 1"),
             ("q0,q1\n1,2\n\n1,2\n", "line 3: expected 2 cells, as in line 1, found 0"),

@@ -62,7 +62,7 @@ MISTAKES = {
     ),
     "unknown QP solver": (
         lambda: cc.shape_target_function(WING, GOAL, qp_solver="nosuch"),
-        "qp_solver: expected a QP solver of CasADi, found 'nosuch'",
+        "qp_solver: expected 'own' or a QP solver of CasADi, found 'nosuch'",
     ),
     "unknown NLP solver": (
         lambda: cc.reach_shape(WING, GOAL, solver="nosuch"),
@@ -156,7 +156,7 @@ AIRCRAFT_MISTAKES = {
         lambda: replace(
             hale_aircraft().surfaces[0], pose=cc.Pose(rotation=2 * np.eye(3), position=[0, 0, 0])
         ),
-        r"LiftingSurface\.pose\.rotation: expected orthonormal columns",
+        r"Pose\.rotation: expected orthonormal columns",
     ),
     "weight twice": (
         lambda: replace(hale_aircraft().beams[0], loads=(cc.Gravity([0, 0, 9.81]),)),

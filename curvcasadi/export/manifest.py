@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from curvcasadi.beam.beam import Beam
+from curvcasadi.export import solver_c
 from curvcasadi.export.wrappers import Wrapper
 from curvcasadi.kinematics.resolution import largest_element_angles
+from curvcasadi.solvers.embedded import SolverFunction
 
 #: How generated code bounds its loops: the outer ones of `sqpmethod`, those of `qrqp`, of Newton.
 _LOOPS = (
@@ -36,16 +38,24 @@ def manifest(wrappers: list[Wrapper], source: str, files: list[str], real: str) 
         "dynamic_memory": False,
         "constant_tables": "const",
         "static_state": False,
-        "iterations": iteration_bounds(source),
+        "iterations": iteration_bounds([w.export.function for w in wrappers], source),
         "functions": {w.export.name: _described(w) for w in wrappers},
     }
 
 
-def iteration_bounds(source: str) -> dict[str, int]:
-    """Largest number of iterations of every solver in generated C, by its name.
+def iteration_bounds(functions: Sequence[ca.Function], source: str) -> dict[str, int]:
+    """Largest number of iterations of every solver, by its name: of CasADi's in generated C first.
 
     CasADi calls all quadratic programs "qpsol": here they have the name of their SQP before it.
     """
+    own = [f for f in functions if isinstance(f, SolverFunction) and f.solver.is_exportable]
+    bounds = _generated_bounds(source)
+    for function in own:
+        bounds |= solver_c.iteration_bounds(function)
+    return bounds
+
+
+def _generated_bounds(source: str) -> dict[str, int]:
     parts = list(_PART.finditer(source))
     bounds: dict[str, int] = {}
     for part in parts:

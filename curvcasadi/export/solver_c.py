@@ -50,11 +50,6 @@ class SolverC:
         direct = [problem.linearization, problem.values]
         return found + ([stages.error, stages.step, stages.limits] if stages else direct)
 
-    @property
-    def changes(self) -> int:
-        """Of the active set of one program, at most."""
-        return CHANGES * (self.problem.n + self.problem.m)
-
     def sizes(self, work: Mapping[str, int]) -> dict[str, int]:
         """Lengths of its buffers, for those of the work vectors of its parts."""
         f, solver, problem = self.function, self.solver, self.problem
@@ -144,7 +139,7 @@ class SolverC:
             *(f"{name}_{key}" for key in sides),
             *functions,
             *(f"&{name}_stages" if stages else "0", self._stage_reals),
-            *(problem.iterations or 0, problem.passes, problem.halvings, self.changes),
+            *(problem.iterations or 0, problem.passes, problem.halvings, _changes(problem)),
             *map(_real, qp),
             *map(_real, (step, tolerances.stationarity, tolerances.limit)),
             *map(_real, (tolerances.flat, problem.enough, decrement)),
@@ -163,6 +158,21 @@ class SolverC:
         ]
         lines = [_reals(f"{name}_settings", settings)] if settings else []
         return [*lines, _struct("gn_solver", f"{name}_solver", fields)]
+
+
+def iteration_bounds(function: SolverFunction) -> dict[str, int]:
+    """Linearizations in all rounds at most; after so many changes of its set a program is given up.
+
+    By the name of the function, and by that with "_qp" behind it.
+    """
+    solver, name = function.solver, function.name()
+    rounds = 1 + len(solver.rounds)
+    return {name: rounds * solver.problem.passes, f"{name}_qp": _changes(solver.problem)}
+
+
+def _changes(problem: GaussNewton) -> int:
+    """Of the active set of one program, at most."""
+    return CHANGES * (problem.n + problem.m)
 
 
 def prototype(symbol: str) -> str:

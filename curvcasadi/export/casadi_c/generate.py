@@ -79,8 +79,9 @@ def generate(
     )
     source = without_failure_checks(without_null_checks(source))
     if solvers:
-        source, header = _with_solvers(source, header, solvers, stem, real)
-        sizes |= {solver.function.name(): solver.sizes(work) for solver in solvers}
+        own = {solver.function.name(): solver.sizes(work) for solver in solvers}
+        source, header = _with_solvers(source, header, solvers, own, stem, real)
+        sizes |= own
     if real == "float":
         source = _single_precision(source, stem)
     return *external.readable(source, header), sizes
@@ -102,9 +103,14 @@ def _solver_c(function: SolverFunction, stem: str, real: Real) -> SolverC:
 
 
 def _with_solvers(
-    source: str, header: str, solvers: Sequence[SolverC], stem: str, real: Real
+    source: str,
+    header: str,
+    solvers: Sequence[SolverC],
+    sizes: Mapping[str, Mapping[str, int]],
+    stem: str,
+    real: Real,
 ) -> tuple[str, str]:
-    """Source and header with solvers, whose parts become static."""
+    """Source and header with solvers and lengths of their buffers; their parts become static."""
     for part in (part for solver in solvers for part in solver.parts):
         name = symbol(part, stem.removesuffix("_functions"))
         start = r"^(?:CASADI_SYMBOL_EXPORT )?[\w ]+[ *]"
@@ -121,11 +127,20 @@ def _with_solvers(
             source = re.sub(table, "", source, flags=re.M)
     prefix = stem.removesuffix("_functions")
     text = solver_c.source(solvers, prefix, real)
-    declared = "".join(f"{solver_c.prototype(s.symbol(s.function))};\n" for s in solvers)
+    declared = "".join(
+        f"{solver_c.prototype(s.symbol(s.function))};\n"
+        + _size_macros(s.function.name(), sizes[s.function.name()])
+        for s in solvers
+    )
     end = "#ifdef __cplusplus\n}"
     before, after = source.rsplit(end, 1)
     head, tail = header.rsplit(end, 1)
     return f"{before}{text}\n{end}{after}", f"{head}{declared}{end}{tail}"
+
+
+def _size_macros(name: str, sizes: Mapping[str, int]) -> str:
+    """Lengths of buffers, as CasADi writes them for its own functions."""
+    return "".join(f"#define {name}_SZ_{key.upper()} {size}\n" for key, size in sizes.items())
 
 
 def symbol(function: ca.Function, prefix: str) -> str:

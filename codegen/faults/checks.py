@@ -206,7 +206,7 @@ def _path(real: str, inputs: Arrays, outputs: Arrays, *, steps: bool) -> str:
     plan = np.hstack([inputs_of, states[1:]]).ravel()
     positions = inputs["positions"].reshape(3, STAGES, order="F")
     rotations = inputs["rotations"].reshape(3, 3 * STAGES, order="F")
-    at = np.clip(inputs["guess"], -BOUND, BOUND) if steps else plan
+    at = _rolled_out(inputs, n) if steps else plan
     gradient, hessian = _path_objective()(at, inputs["u_previous"], positions, rotations)
     gradient = gradient.full().ravel() + hessian.full() @ (plan - at)
 
@@ -228,6 +228,16 @@ def _path(real: str, inputs: Arrays, outputs: Arrays, *, steps: bool) -> str:
     ]
     _, off = nnls(np.transpose(columns), -gradient, maxiter=100 * plan.size)
     return _small(real, off)
+
+
+def _rolled_out(inputs: Arrays, n: int) -> Any:
+    """Where a step linearizes: inputs of the guess within bounds, and the states they lead to."""
+    dynamics, model, _, _ = _constraints(inputs, n)
+    guess = np.clip(inputs["guess"].reshape(STAGES, 2, n), -BOUND, BOUND)
+    is_state = np.tile(np.repeat([False, True], n), STAGES)
+    at = np.where(is_state, 0.0, guess.ravel())
+    at[is_state] = np.linalg.solve(dynamics[:, is_state], model - dynamics @ at)
+    return at
 
 
 def _planned(outputs: Arrays, n: int) -> tuple[Any, Any]:

@@ -258,6 +258,7 @@ static int gn_converge(gn_state *s, gn_judgement *found) {
   qp_real shrink = 0, merit = GN_FAR, change = 0, penalty = 0, damping = 0;
   int i, k, halved = 0, is_done = 0, failed = 0;
   qp_zero(p->n + p->m, s->lam);
+  qp_zero(p->n, s->d); /* halved where the guess itself is worse than anything */
   for (i = 0; i < p->n; ++i) {
     s->tried[i] = s->x[i];
   }

@@ -153,7 +153,8 @@ def _within(real: str, x: Any, lower: Any, upper: Any) -> str:
 def _optimum(real: str, q: Any, gradient: Any) -> str:
     """The projected gradient, for bounds alone."""
     moved = np.clip(q - np.ravel(gradient), -BOUND, BOUND)
-    off = np.linalg.norm(moved - q)
+    # A gradient is known to rounding of its largest entry: targets may be 1e19 m away.
+    off = np.linalg.norm(moved - q) - ROUNDING[real] * np.max(np.abs(gradient))
     return _within(real, q, -BOUND, BOUND) or _small(real, off)
 
 

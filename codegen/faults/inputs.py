@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from curvcasadi.symbolic.expressions import BOUND_SLACK
+
 #: Parts of the calls of each kind.
 KINDS = {
     "ordinary": 0.4,
@@ -80,12 +82,18 @@ def spoil(
 
 
 def bad(inputs: Mapping[str, Any], bounds: Mapping[str, tuple[Any, Any]]) -> Any:
-    """Which calls have an entry that is not finite, or weights beyond their bounds."""
+    """Which calls have an entry that is not finite, or weights beyond their bounds.
+
+    Of a bound `BOUND_SLACK` is allowed, in Python and in C.
+    """
     found = np.zeros(len(next(iter(inputs.values()))), dtype=bool)
     for key, values in inputs.items():
         found |= ~np.isfinite(values).all(axis=1)
         if key in bounds:
+            slack = BOUND_SLACK["float" if values.dtype == np.float32 else "double"]
             lower, upper = (np.asarray(side, dtype=values.dtype) for side in bounds[key])
+            lower = lower - slack * np.maximum(1, np.abs(lower))
+            upper = upper + slack * np.maximum(1, np.abs(upper))
             found |= ~((values >= lower) & (values <= upper)).all(axis=1)
     return found
 

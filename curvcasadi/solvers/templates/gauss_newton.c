@@ -256,7 +256,7 @@ static qp_real gn_largest(int n, const qp_real *x) {
 static int gn_converge(gn_state *s, gn_judgement *found) {
   const gn_problem *p = s->problem;
   qp_real shrink = 0, merit = GN_FAR, change = 0, penalty = 0, damping = 0;
-  int i, k, halved = 0, is_done = 0, failed = 0;
+  int i, k, halved = 0, is_first = 1, is_done = 0, failed = 0;
   qp_zero(p->n + p->m, s->lam);
   qp_zero(p->n, s->d); /* halved where the guess itself is worse than anything */
   for (i = 0; i < p->n; ++i) {
@@ -290,7 +290,8 @@ static int gn_converge(gn_state *s, gn_judgement *found) {
         for (i = 0; i < p->n; ++i) {
           s->at.h[QP_PACKED(i) + i] += damping;
         }
-        status = gn_step(s, s->x, k == 0);
+        status = gn_step(s, s->x, is_first);
+        is_first = 0;
         if (status != QP_SOLVED) {
           is_done = 1;
           found->distance = GN_FAR;

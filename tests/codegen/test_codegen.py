@@ -157,4 +157,4 @@ def test_all_functions_of_64_elements_are_short_enough_for_gcc(tmp_path):
     _, status, used = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     assert process.returncode == 0
-    assert used.ru_maxrss * 1024 < 2**28
+    assert used.ru_maxrss * 1024 < 2**29  # half of the GiB that a small machine has to spare

@@ -22,7 +22,9 @@ from curvcasadi.statics.equilibrium import Equilibrium, solve_equilibrium
 
 HELP = """\
 The shape at which the elastic moments of a wing balance its loads: those of the wing file
-([[loads]]) and of --load options. The section is one with stiffness, of [section].
+([[loads]]), of --load options, and of the air where
+the file has [aerodynamics] (chord, aerodynamic_center, lift_slope, ...) and [airstream] (density,
+velocity of the wing through the air). The section is one with stiffness, of [section].
 
 loads, in SI units, a type and key=value pairs; frame=dead (default) is fixed in inertial axes,
 frame=follower in the local axes of the section, frame=body in parent axes:
@@ -62,7 +64,9 @@ def run(arguments: argparse.Namespace) -> int:
     wing = load_wing(arguments.wing)
     beam, loads = wing.beam, [*wing.loads, *(parse_load(t, "--load") for t in arguments.load)]
     if not loads:
-        raise ValueError(f"{arguments.wing}: expected [[loads]], or the option --load, found none")
+        raise ValueError(
+            f"{arguments.wing}: expected [[loads]], [airstream] or the option --load, found none"
+        )
     found = solve_equilibrium(beam, loads)
     print(_table(beam, loads, found))
     if arguments.out:

@@ -12,6 +12,7 @@ from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from curvcasadi.aero import AerodynamicLoad, Flow, StripAerodynamics
 from curvcasadi.beam import families
 from curvcasadi.beam.basis import CHANNELS, ChannelBasis
 from curvcasadi.beam.beam import Beam
@@ -21,6 +22,7 @@ from curvcasadi.beam.grid import Grid
 from curvcasadi.beam.pose import Pose
 from curvcasadi.beam.section import Section
 from curvcasadi.files import toml_reader as toml
+from curvcasadi.files.aerodynamics import read_strips
 from curvcasadi.files.loads import read_load
 from curvcasadi.files.sections import piecewise, read_body, read_section
 from curvcasadi.files.toml_reader import Key, Keys
@@ -77,8 +79,20 @@ WING = Keys(
         "section": Key(toml.table_of(), "stiffness and mass; needed for equilibria"),
         "bodies": Key(toml.TABLES, "rigid bodies fixed to the wing"),
         "loads": Key(toml.TABLES, "forces, moments and gravity; `load_beam` leaves them out"),
+        "aerodynamics": Key(toml.table_of(), "airfoil data, as [beams.aerodynamics]"),
+        "airstream": Key(toml.table_of(), "the air that flows past the wing; needs aerodynamics"),
         "sensors": Key(toml.TABLES, "sensors on the wing, for `curvcasadi estimate`"),
         "estimation": Key(toml.table_of(), "the filter, for `curvcasadi estimate`"),
+    },
+)
+AIRSTREAM = Keys(
+    place="[airstream]",
+    meaning="Air that flows past a wing at rest: its airloads are among the loads of the file.",
+    required={
+        "density": Key(toml.NUMBER, "density", "kg/m³"),
+        "velocity": Key(
+            toml.VECTOR, "of the wing through the air, parent axes: forward is [25, 0, 0]", "m/s"
+        ),
     },
 )
 BEAM = Keys(
@@ -236,11 +250,14 @@ class WingFile:
     beam : Beam
         The wing.
     loads : tuple of loads
-        In the order of the file.
+        In the order of the file; after them the airloads of its airstream.
+    strips : StripAerodynamics or None
+        Airfoil data.
     """
 
     beam: Beam
     loads: tuple[Any, ...]
+    strips: StripAerodynamics | None = None
 
 
 def load_beam(path: str | Path) -> Beam:
@@ -301,7 +318,20 @@ def read_wing(file: toml.Table) -> WingFile:
     description |= beam_values_of(beam)
     with beam.owning_errors():
         made = Beam(**description)
-    return WingFile(beam=made, loads=tuple(read_load(table) for table in file.tables("loads")))
+    loads = [read_load(table) for table in file.tables("loads")]
+    strips = read_strips(file.table("aerodynamics")) if "aerodynamics" in tables else None
+    if "airstream" in tables:
+        loads.append(_airload(file, strips))
+    return WingFile(beam=made, loads=tuple(loads), strips=strips)
+
+
+def _airload(file: toml.Table, strips: StripAerodynamics | None) -> AerodynamicLoad:
+    if strips is None:
+        raise file.error("airstream: expected a table [aerodynamics] beside it, found none")
+    table = file.table("airstream")
+    values = table.read(AIRSTREAM)
+    with table.owning_errors():
+        return AerodynamicLoad(strips=strips, flow=Flow(**values))
 
 
 def beam_values_of(table: toml.Table) -> dict[str, Any]:

@@ -74,7 +74,14 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.plot:
         from curvcasadi import plotting  # matplotlib takes longer to load than a shape to compute
 
-        figure = plotting.plot_shape(beam, found.q, both=not arguments.half, loads=loads)
+        figure = plotting.plot_shape(
+            beam,
+            found.q,
+            both=not arguments.half,
+            loads=loads,
+            strips=wing.strips,
+            local_axes=False,  # arrows are those of the loads
+        )
         plotting.save_figure(figure, arguments.plot)
     for path in (arguments.out, arguments.plot):
         if path:

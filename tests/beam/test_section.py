@@ -182,7 +182,7 @@ def test_bad_sections_are_refused(make, message):
         ),
         (
             cc.Section.from_stiffness(cc.Steps([0, 0.5, 1], [np.eye(3), INDEFINITE])),
-            r"stiffness at xi = 0\.5.*expected a positive definite matrix",
+            r"stiffness at xi = 0\.[5-9].*expected a positive definite matrix",
         ),
     ],
     ids=["rigidity", "coupling", "unsymmetric", "table"],

@@ -16,8 +16,8 @@ def write_simulation(path: str | Path, simulation: Simulation) -> None:
 
     A CSV file has a line for each time: `time`, s, and a column for each entry of each part: parts
     of the state by their names (q0, q1, ..., q_dot0, ...), those of inputs, parameters and outputs
-    after `u_`, `p_` and `y_`. An NPZ file has `time` (T,) and an array (T, size) of each part, by the
-    same names.
+    after `u_`, `p_` and `y_`. An NPZ file has `time` (T,) and an array (T, size) of each part, by
+    the same names.
 
     Parameters
     ----------

@@ -272,7 +272,8 @@ class TestEquilibrium:
 
     def test_a_wing_without_loads_is_refused(self, capsys):
         found = refused(capsys, HALE_WING, command="equilibrium")
-        assert found == f"{HALE_WING}: expected [[loads]], or the option --load, found none"
+        expected = "expected [[loads]], [airstream] or the option --load, found none"
+        assert found == f"{HALE_WING}: {expected}"
 
     def test_a_wing_without_stiffness_or_mass_is_refused(self, capsys, tmp_path):
         path = tmp_path / "wing.toml"

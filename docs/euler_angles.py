@@ -10,8 +10,7 @@ from tempfile import TemporaryDirectory
 import matplotlib
 
 from docs.published import STYLE
-from ocp_examples.compare_with_euler_angles import main as compare
-from ocp_examples.compare_with_euler_angles import plot
+from ocp_examples.compare_with_euler_angles import main as compare, plot
 
 FOLDER = Path(__file__).parent
 

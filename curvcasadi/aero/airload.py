@@ -34,8 +34,8 @@ from curvcasadi.symbolic.expressions import (
     own_fields,
     positive,
     rotation_matrix,
+    station as checked_station,
 )
-from curvcasadi.symbolic.expressions import station as checked_station
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -2,7 +2,7 @@
 
 from curvcasadi.beam.along import Piecewise, Steps
 from curvcasadi.beam.basis import (
-    Basis,
+    Basis as Basis,
     ChannelBasis,
     VectorBasis,
 )
@@ -16,7 +16,7 @@ from curvcasadi.beam.families import (
     BSpline,
     CantileverModes,
     Chebyshev,
-    Family,
+    Family as Family,
     FreeTip,
     Legendre,
     Monomial,
@@ -24,9 +24,7 @@ from curvcasadi.beam.families import (
     Tabulated,
 )
 from curvcasadi.beam.geometry import WingGeometry, wing_root
-from curvcasadi.beam.grid import (
-    Grid,
-)
+from curvcasadi.beam.grid import ElementRule as ElementRule, Grid
 from curvcasadi.beam.mirror import (
     mirror,
 )
@@ -45,15 +43,12 @@ from curvcasadi.beam.section import (
 
 __all__ = [
     "BSpline",
-    "Basis",
     "Beam",
     "Body",
     "CantileverModes",
     "ChannelBasis",
     "Chebyshev",
     "ComplianceBasis",
-    "ElementRule",
-    "Family",
     "FreeTip",
     "Grid",
     "Legendre",

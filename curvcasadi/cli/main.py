@@ -12,14 +12,16 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from curvcasadi.cli import equilibrium as equilibrium_command
-from curvcasadi.cli import estimate as estimate_command
-from curvcasadi.cli import export as export_command
-from curvcasadi.cli import info as info_command
-from curvcasadi.cli import shape as shape_command
-from curvcasadi.cli import target as target_command
-from curvcasadi.cli import template as template_command
-from curvcasadi.cli import trim as trim_command
+from curvcasadi.cli import (
+    equilibrium as equilibrium_command,
+    estimate as estimate_command,
+    export as export_command,
+    info as info_command,
+    shape as shape_command,
+    target as target_command,
+    template as template_command,
+    trim as trim_command,
+)
 from curvcasadi.cli.options import add_progress
 from curvcasadi.errors import ConvergenceError, leave_at_interrupt
 

@@ -21,8 +21,7 @@ from curvcasadi.dynamics.inertia import (
     pack,
     unpack,
 )
-from curvcasadi.kinematics import chain
-from curvcasadi.kinematics import jacobian as kinematics
+from curvcasadi.kinematics import chain, jacobian as kinematics
 from curvcasadi.kinematics.state import StateLayout
 from curvcasadi.lie import so3
 from curvcasadi.symbolic.expressions import AnyExpr, is_numeric

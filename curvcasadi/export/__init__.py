@@ -2,6 +2,6 @@
 
 from curvcasadi.export.c_function import CFunction
 from curvcasadi.export.export import export_c
-from curvcasadi.export.host import run_check
+from curvcasadi.export.host import run_check as run_check
 
-__all__ = ["CFunction", "export_c", "run_check"]
+__all__ = ["CFunction", "export_c"]

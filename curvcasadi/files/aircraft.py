@@ -13,8 +13,7 @@ from typing import Any
 
 from curvcasadi.aircraft.parts import Aircraft, LiftingSurface, RigidBody, Thrust, Wing, mirror_wing
 from curvcasadi.beam.beam import Beam
-from curvcasadi.files import toml_reader as toml
-from curvcasadi.files import wing as wing_file
+from curvcasadi.files import toml_reader as toml, wing as wing_file
 from curvcasadi.files.aerodynamics import read_strips
 from curvcasadi.files.loads import read_load
 from curvcasadi.files.sections import read_body, read_section

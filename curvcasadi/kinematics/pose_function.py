@@ -15,8 +15,7 @@ import numpy as np
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.pose import unpack_pose
-from curvcasadi.kinematics import chain
-from curvcasadi.kinematics import jacobian as kinematics
+from curvcasadi.kinematics import chain, jacobian as kinematics
 from curvcasadi.kinematics.element import ON_GROUP
 from curvcasadi.kinematics.shape import poses
 from curvcasadi.kinematics.state import StateLayout

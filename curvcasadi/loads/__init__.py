@@ -7,7 +7,12 @@ from curvcasadi.loads.kinds import (
     PointForce,
     PointMoment,
 )
-from curvcasadi.loads.stations import Load, force_data, moment_data, sites
+from curvcasadi.loads.stations import (
+    Load,
+    force_data as force_data,
+    moment_data as moment_data,
+    sites as sites,
+)
 
 __all__ = [
     "DistributedForce",
@@ -16,7 +21,4 @@ __all__ = [
     "Load",
     "PointForce",
     "PointMoment",
-    "force_data",
-    "moment_data",
-    "sites",
 ]

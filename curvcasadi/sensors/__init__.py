@@ -1,7 +1,7 @@
 """Sensors on a wing, what they read, and the derivatives of it."""
 
-from curvcasadi.kinematics.root_motion import RootMotion
-from curvcasadi.sensors.channels import Channels, sensor_channels
+from curvcasadi.kinematics.root_motion import RootMotion as RootMotion
+from curvcasadi.sensors.channels import Channels as Channels, sensor_channels
 from curvcasadi.sensors.kinds import (
     Accelerometer,
     AttitudeSensor,
@@ -13,32 +13,31 @@ from curvcasadi.sensors.kinds import (
     StrainGauge,
 )
 from curvcasadi.sensors.measurement import (
-    Measurement,
+    Measurement as Measurement,
     measure,
     measurement_function,
     measurement_residual,
 )
-from curvcasadi.sensors.sensor import CurvatureSensor, Frames, Mount, Sensor, point
+from curvcasadi.sensors.sensor import (
+    CurvatureSensor as CurvatureSensor,
+    Frames as Frames,
+    Mount as Mount,
+    Sensor,
+    point as point,
+)
 
 __all__ = [
     "Accelerometer",
     "AttitudeSensor",
     "Camera",
-    "Channels",
-    "CurvatureSensor",
-    "Frames",
     "Magnetometer",
     "Marker",
-    "Measurement",
-    "Mount",
     "RateGyro",
-    "RootMotion",
     "Sensor",
     "ShearGauge",
     "StrainGauge",
     "measure",
     "measurement_function",
     "measurement_residual",
-    "point",
     "sensor_channels",
 ]

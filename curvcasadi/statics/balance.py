@@ -16,8 +16,7 @@ from typing import Any, NamedTuple, overload
 import casadi as ca
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.kinematics import chain
-from curvcasadi.kinematics import jacobian as kinematics
+from curvcasadi.kinematics import chain, jacobian as kinematics
 from curvcasadi.loads.stations import (
     Coupling,
     Load,

@@ -10,8 +10,7 @@ from functools import lru_cache
 import casadi as ca
 
 from curvcasadi.beam.pose import unpack_pose
-from curvcasadi.kinematics import chain, element
-from curvcasadi.kinematics import jacobian as kinematics
+from curvcasadi.kinematics import chain, element, jacobian as kinematics
 from curvcasadi.kinematics.chain import Pattern
 from curvcasadi.kinematics.state import StateLayout
 from curvcasadi.lie import so3

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
 import curvcasadi as cc
-from curvcasadi.kinematics import chain
-from curvcasadi.kinematics import numeric as numeric_module
+from curvcasadi.kinematics import chain, numeric as numeric_module
 
 Q = np.linspace(-0.05, 0.08, 12)
 

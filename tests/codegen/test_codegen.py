@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 import curvcasadi as cc
-from codegen import benchmark_functions as functions
-from codegen import budgets, map_file, toolchain
+from codegen import benchmark_functions as functions, budgets, map_file, toolchain
 
 ROOT = Path(__file__).parents[2]
 

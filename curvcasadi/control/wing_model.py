@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -22,27 +23,32 @@ from curvcasadi.beam.pose import Pose
 from curvcasadi.control.beam_model import CURVATURE_STATIONS
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
+from curvcasadi.control.wing_outputs import (
+    ACCELERATED,
+    OUTPUTS,
+    STANDARD_GRAVITY,
+    Surroundings,
+    output_function,
+    output_layout,
+)
 from curvcasadi.dynamics import inverse_dynamics_function, mass_matrix
 from curvcasadi.dynamics.inertia import inertial_mesh
-from curvcasadi.kinematics.pose_function import tip_function
 from curvcasadi.kinematics.root_motion import RootMotion
-from curvcasadi.kinematics.shape import curvature
 from curvcasadi.statics.energy import stiffness_matrix
 from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.expressions import (
     Array,
     Number,
+    choice,
     function_name,
     instance,
     numbers,
     positive,
+    sequence,
     station,
 )
 from curvcasadi.symbolic.functions import free_symbols
 from curvcasadi.symbolic.layout import Layout, Part
-
-#: Standard gravity, m/s².
-STANDARD_GRAVITY = 9.80665
 
 
 def wing_model(
@@ -54,16 +60,38 @@ def wing_model(
     induced_flow: LiftingLine | None = None,
     damping: Number = 0.0,
     gust: GustEntry | None = None,
-    curvature_stations: Sequence[float] = CURVATURE_STATIONS,
+    outputs: Sequence[str] = OUTPUTS,
+    stations: Sequence[float] = CURVATURE_STATIONS,
     name: str = "wing",
 ) -> ControlModel:
     """A wing whose root is clamped to a body that flies straight and level.
 
     The body flies north at p["airspeed"], m/s, nose-up by p["pitch"], rad; gravity and dead loads
     turn under it. The state is q, rad/m, q_dot, and the states of the air, m/s (`UnsteadyAirload`).
-    Inputs are the deflections of the control surfaces, rad. The outputs are position (3), m, and
-    rotation (9, by columns) of the tip, local to body, curvature (K_x, K_y, K_z at each of
-    `curvature_stations`), rad/m.
+    Inputs are the deflections of the control surfaces, rad.
+
+    Outputs are known by their names. Those of stations stand station by station:
+
+    ==================  ========================================================================
+    tip_position        3, m, body axes
+    tip_rotation        9, local to body, by columns
+    curvature           K_x, K_y, K_z at each station, rad/m, local axes
+    root_moment         3, N m: what the wing hands on to its root, about the root station and in
+                        its axes, so that the second entry bends the wing upward where it is
+                        negative on a right wing, as K_y does
+    root_force          3, N, likewise
+    station_position    3 at each station, m, body axes
+    station_rotation    9 at each station, local to body, by columns
+    angular_rate        3 at each station, rad/s, local axes: what a gyro reads
+    acceleration        3 at each station, m/s², local axes: what an accelerometer reads, gravity
+                        included
+    load_factor         1 at each station: its acceleration toward the upper side over 9.80665 m/s²
+    angle_of_attack     1 at each station, rad, at three quarters of the chord, with the motion of
+                        the wing and the gust as a whole
+    ==================  ========================================================================
+
+    Those of loads and accelerations solve the equations of motion: ask for what is needed where
+    time counts.
 
     Parameters
     ----------
@@ -81,8 +109,10 @@ def wing_model(
         The time β, s, of stiffness-proportional damping C = β S.
     gust : GustEntry or None
         With one p["gust"] is an upward gust, m/s, which enters the strips as it says.
-    curvature_stations : sequence of float
-        Stations s/L in [0, 1].
+    outputs : sequence of str
+        Names of the outputs that are wanted; all unless given. They stand in the order above.
+    stations : sequence of float
+        Stations s/L in [0, 1] of the outputs.
     name : str
         Name of the model and of its Functions.
 
@@ -94,8 +124,8 @@ def wing_model(
     Raises
     ------
     ValueError
-        For symbols in the wing, a density of zero with lag states, and lag functions that the
-        aerodynamic stations do not resolve.
+        For symbols in the wing, a density of zero with lag states, lag functions that the
+        aerodynamic stations do not resolve, and unknown outputs.
     """
     instance("wing", wing, Wing)
     strips = wing.strips
@@ -104,6 +134,8 @@ def wing_model(
     function_name("name", name)
     if positive("density", density, zero=True) == 0 and lag is not None:
         raise ValueError("density: expected a number above zero with lag states, found 0")
+    wanted = [choice("outputs", key, OUTPUTS) for key in sequence("outputs", outputs)]
+    places = [station("stations", xi) for xi in sequence("stations", stations)]
     beam, n = wing.beam, wing.beam.basis.n
     inputs = {key: ca.MX.sym(key) for key in strips.inputs}
     airspeed, pitch, upward = ca.MX.sym("airspeed"), ca.MX.sym("pitch"), ca.MX.sym("gust")
@@ -152,24 +184,20 @@ def wing_model(
     p = Layout(tuple(Part(key, 1, _UNITS[key]) for key in parameters))
     beta = float(numbers("damping", damping))
     motion = _equations(name, wing, forces, rates, load, (x, u, p), beta)
-    stations = [station("curvature_stations", xi) for xi in curvature_stations]
-    y = Layout(
-        (
-            Part("position", 3, "m"),
-            Part("rotation", 9, "1"),
-            Part("curvature", 3 * len(stations), "rad/m"),
-        )
-    )
-    return second_order_model(
+    model = second_order_model(
         name=name,
         x=x,
         u=u,
         p=p,
-        y=y,
+        y=Layout(()),
         motion=motion,
-        output=_output_function(f"{name}_output", wing, (x, u, p), y, stations),
+        output=ca.Function(f"{name}_nothing", [*map(ca.MX.sym, "xup")], [ca.MX(0, 1)]),
         real=beam.grid.real,
     )
+    y = output_layout(wanted, places)
+    around = Surroundings(load, root, symbols)
+    values = output_function(f"{name}_outputs", wing, around, y, places)
+    return replace(model, y=y, output=_output(f"{name}_output", model, values, y))
 
 
 _UNITS = {"airspeed": "m/s", "pitch": "rad", "gust": "m/s"}
@@ -223,24 +251,21 @@ def _equations(
     )
 
 
-def _output_function(
-    name: str,
-    wing: Wing,
-    layouts: tuple[Layout, Layout, Layout],
-    y: Layout,
-    stations: Sequence[float],
-) -> ca.Function:
+def _output(name: str, model: ControlModel, values: ca.Function, y: Layout) -> ca.Function:
+    """(x, u, p) -> y; with accelerations only where an output follows them."""
     x, u, p = (
-        ca.MX.sym(key, layout.size) for key, layout in zip(("x", "u", "p"), layouts, strict=True)
+        ca.MX.sym(key, layout.size)
+        for key, layout in (("x", model.x), ("u", model.u), ("p", model.p))
     )
-    q = layouts[0].split(x)["q"]
-    position, rotation = tip_function(wing.beam)(q)
-    values = {
-        "position": position,
-        "rotation": ca.vec(rotation),
-        "curvature": ca.veccat(*(curvature(wing.beam, q, xi) for xi in stations)),
-    }
-    return ca.Function(name, [x, u, p], [y.join(values)], ["x", "u", "p"], ["y"])
+    state = model.x.split(x)
+    n = state["q"].numel()
+    accelerations = ca.MX(n, 1)
+    if not ACCELERATED.isdisjoint(part.name for part in y.parts):
+        accelerations = model.xdot(x, u, p)[n : 2 * n]
+    others = [state["lag"]] if "lag" in state else []
+    others += [*model.u.split(u).values(), *model.p.split(p).values()]
+    result = values(state["q"], state["q_dot"], accelerations, *others)
+    return ca.Function(name, [x, u, p], [result], ["x", "u", "p"], ["y"])
 
 
 def _rates_function(

@@ -15,6 +15,7 @@ from curvcasadi.dynamics.frequencies import (
 from curvcasadi.dynamics.functions import (
     forward_dynamics_function,
     inverse_dynamics_function,
+    root_wrench_function,
 )
 from curvcasadi.dynamics.inverse import (
     inverse_dynamics,
@@ -33,5 +34,6 @@ __all__ = [
     "mass_matrix",
     "natural_frequencies",
     "potential_energy",
+    "root_wrench_function",
     "vibration_modes",
 ]

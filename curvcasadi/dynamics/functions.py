@@ -76,6 +76,49 @@ def inverse_dynamics_function(
     return with_jacobian(name, made.inputs, {"residual": made.kind(residual)}, {"residual": slopes})
 
 
+def root_wrench_function(
+    beam: Beam,
+    loads: Sequence[Any] = (),
+    parameters: Mapping[str, AnyExpr] | None = None,
+    *,
+    root: RootMotion | None = None,
+    form: Form = "compact",
+    name: str = "root_wrench",
+) -> ca.Function:
+    """Wrench that a moving beam hands on to its root: q, q_dot, q_ddot, parameters … -> wrench.
+
+    It is the sum of the loads, weight included, less what the inertia of the beam takes of them.
+    Its derivatives are structured and attached.
+
+    Parameters
+    ----------
+    beam, loads, parameters, root, form, name
+        As for `inverse_dynamics_function`.
+
+    Returns
+    -------
+    casadi.Function
+        wrench (6, 1): moment, N m, about the root station and force, N, both in root axes.
+
+    Raises
+    ------
+    ValueError
+        As `inverse_dynamics_function`.
+    """
+    made = _prepare(beam, loads, parameters, root, form, name, ("q", "q_dot", "q_ddot"))
+    to_root = made.system.from_parent
+    value = -to_root @ inverse.parent_wrench(
+        made.system, inverse.balance(made.system, *made.states)
+    )
+    _refuse_free(value, made.inputs)
+    stacked = made.kind(0, 1) if made.stacked is None else made.stacked
+    found = differentiate(made.system, *made.states, root=True, parameters=stacked)
+    wrench = found.parent
+    slopes = [part[:, 6:] for part in (wrench.by_weights, wrench.by_rates, wrench.by_accelerations)]
+    slope = -to_root @ ca.horzcat(*slopes, found.by_parameters[:6, :])
+    return with_jacobian(name, made.inputs, {"wrench": made.kind(value)}, {"wrench": slope})
+
+
 def forward_dynamics_function(
     beam: Beam,
     loads: Sequence[Any] = (),

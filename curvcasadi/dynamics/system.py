@@ -70,6 +70,11 @@ class System(NamedTuple):
         force = rotation @ wrench[3:]
         return ca.vertcat(rotation @ wrench[:3] + ca.cross(position, force), force)
 
+    @property
+    def from_parent(self) -> AnyExpr:
+        """(6, 6), wrenches in parent axes at its origin to root axes at the root: `to_parent`⁻¹."""
+        return _adjoint(self.beam.root).T
+
 
 def weights(beam: Beam, **values: AnyExpr) -> dict[str, AnyExpr]:
     """The weights and their rates, checked for their shape (n, 1)."""

@@ -185,6 +185,82 @@ def test_frozen_induced_flow_lowers_the_lift():
         assert_allclose(residual, expected.full().ravel(), atol=2e-3 * np.abs(lifts[0]).max())
 
 
+def test_structured_derivatives_of_outputs_are_those_of_their_values(model):
+    # Central differences of the values: no derivative is shared.
+    x, _, u, p = values(model)
+    linear = cc.linearize(model, x, u, p)
+    joined = np.concatenate([x, u, p])
+    ends = [len(x), len(x) + len(u)]
+
+    def value(y):
+        return model.output(*np.split(y, ends)).full().ravel()
+
+    got = np.hstack([linear.C, linear.D, linear.D_p])
+    for column in range(len(joined)):
+        step = np.zeros(len(joined))
+        step[column] = 1e-5 * max(1.0, abs(joined[column]))
+        expected = (value(joined + step) - value(joined - step)) / (2 * step[column])
+        for name, rows in model.y.slices.items():
+            # The square of the step, and rounding of the values over it.
+            scale = max(np.abs(expected[rows]).max(), np.abs(value(joined)[rows]).max())
+            assert_allclose(got[rows, column], expected[rows], atol=1e-7 * scale, err_msg=name)
+
+
+def test_motion_of_stations_is_what_sensors_there_read(model):
+    x, _, u, p = values(model)
+    n = model.second_order.velocities
+    y = model.y.split(model.output(x, u, p))
+    c, s = np.cos(p[1]), np.sin(p[1])
+    attitude = cc.Pose(rotation=[[c, 0, s], [0, 1, 0], [-s, 0, c]], position=[0, 0, 0])
+    root = cc.RootMotion(pose=attitude, gravity=[0, 0, 9.80665])
+    for k, xi in enumerate([0.0, 0.25, 0.5, 0.75, 1.0]):
+        sensors = [
+            kind(xi=xi, noise_density=1.0, rate=1.0) for kind in (cc.RateGyro, cc.Accelerometer)
+        ]
+        q_ddot = model.xdot(x, u, p)[n : 2 * n]
+        read = cc.measure(sensors, flapped().beam, x[:n], x[n : 2 * n], q_ddot, root).values.full()
+        where = slice(3 * k, 3 * k + 3)
+        assert_allclose(y["angular_rate"][where], read[:3], atol=1e-12)
+        assert_allclose(y["acceleration"][where], read[3:], atol=1e-9 * np.abs(read).max())
+    pose = cc.shape_map(flapped().beam, x[:n]).tip
+    assert_allclose(y["tip_position"], pose.position, atol=1e-12)
+    assert_allclose(y["station_position"][-3:], pose.position, atol=1e-12)
+    assert_allclose(y["station_rotation"][-9:], ca.vec(pose.rotation), atol=1e-12)
+
+
+def test_a_steady_wing_hands_its_loads_on_to_its_root():
+    # At rest the wrench of statics, about the root and in its axes; level, a load factor of one.
+    wing = flapped()
+    model = make(wing, lag=None)
+    x, pitch = np.concatenate([0.02 * np.arange(-2, 3), np.zeros(5)]), 0.05
+    u, p = [0.04, -0.03], [25.0, pitch]
+    flow = cc.Flow(density=DENSITY, velocity=[25 * np.cos(pitch), 0, 25 * np.sin(pitch)])
+    air = cc.AerodynamicLoad(
+        strips=wing.strips, flow=flow, deflections={"inner": 0.04, "outer": -0.03}
+    )
+    c, s = np.cos(pitch), np.sin(pitch)
+    attitude = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
+    # Without accelerations, which the wing would have here.
+    function = model.output.find_function("wing_outputs_root")
+    wrench = function(x[:5], x[5:], np.zeros(5), *u, *p).full().ravel()
+    weight = cc.Gravity([0, 0, 9.80665])
+    expected = cc.root_wrench(wing.beam, x[:5], [air, weight], attitude).full().ravel()
+    rotation = wing.beam.root.rotation.full()
+    turned = np.concatenate([rotation.T @ expected[:3], rotation.T @ expected[3:]])
+    assert_allclose(wrench, turned, atol=1e-9 * np.abs(turned).max())
+    level = make(wing, lag=None, gravity=9.80665)
+    y = level.y.split(level.output(np.zeros(10), [0, 0], [0.0, 0.0]))
+    assert_allclose(float(y["load_factor"][0]), 1.0, rtol=1e-12)  # the root does not fall
+
+
+def test_outputs_are_those_that_are_asked_for():
+    model = make(outputs=("root_moment", "tip_position"), stations=(0.5,))
+    assert [part.name for part in model.y.parts] == ["tip_position", "root_moment"]
+    assert model.output(np.zeros(model.x.size), [0, 0], [20.0, 0.05]).shape == (6, 1)
+    with pytest.raises(ValueError, match="outputs: expected one of"):
+        make(outputs=("root_bending",))
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

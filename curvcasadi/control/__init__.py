@@ -3,6 +3,7 @@
 from curvcasadi.control.aircraft_model import aircraft_model
 from curvcasadi.control.beam_model import beam_model
 from curvcasadi.control.error_state import difference, retract
+from curvcasadi.control.flutter import Flutter, flutter
 from curvcasadi.control.kinematic_model import kinematic_model
 from curvcasadi.control.linearize import LinearModel, linearize
 from curvcasadi.control.model import ControlModel, SecondOrder
@@ -13,12 +14,14 @@ from curvcasadi.control.wing_model import wing_model
 
 __all__ = [
     "ControlModel",
+    "Flutter",
     "LinearModel",
     "SecondOrder",
     "Simulation",
     "aircraft_model",
     "beam_model",
     "difference",
+    "flutter",
     "kinematic_model",
     "linearize",
     "retract",

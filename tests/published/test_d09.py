@@ -11,26 +11,27 @@ import pytest
 from numpy.testing import assert_allclose
 
 import curvcasadi as cc
-from tests.support.strip_wings import divergence, eigenvalues, flutter, hale
+from tests.support.strip_wings import hale
 
 #: Largest relative error of flutter speed and frequency.
 LIMITS = {2: (0.006, 0.015), 3: (0.005, 0.005), 4: (0.0015, 0.0015)}
+SPEEDS = (10, 20, 30, 35, 38.5)
 
 
-def model(poles, modes=3):
-    return cc.wing_model(
-        hale(), density=0.0889, gravity=0.0, lag=cc.IndicialLag(poles=poles, modes=modes)
+def sweep(poles, modes=3, speeds=SPEEDS[2:4]):
+    model = cc.wing_model(
+        hale(),
+        density=0.0889,
+        gravity=0.0,
+        lag=cc.IndicialLag(poles=poles, modes=modes),
+        outputs=(),
     )
+    return cc.flutter(model, speeds)
 
 
 @pytest.fixture(scope="module")
 def three_poles():
-    return model(3)
-
-
-@pytest.fixture(scope="module")
-def found(three_poles):
-    return flutter(three_poles, 31.5, 33.5)
+    return sweep(3, speeds=SPEEDS)
 
 
 @pytest.fixture
@@ -39,20 +40,21 @@ def exact(published):
 
 
 @pytest.mark.parametrize("poles", LIMITS)
-def test_flutter_of_the_straight_wing(poles, found, exact):
-    speed, frequency = found if poles == 3 else flutter(model(poles), 31.5, 33.5)
-    assert_allclose(speed, exact["flutter_speed"], rtol=LIMITS[poles][0])
-    assert_allclose(frequency, exact["flutter_rad_s"], rtol=LIMITS[poles][1])
+def test_flutter_of_the_straight_wing(poles, three_poles, exact):
+    found = three_poles if poles == 3 else sweep(poles)
+    assert_allclose(found.speed, exact["flutter_speed"], rtol=LIMITS[poles][0])
+    assert_allclose(found.frequency, exact["flutter_rad_s"], rtol=LIMITS[poles][1])
 
 
 def test_divergence_of_the_straight_wing(three_poles, exact):
-    assert_allclose(divergence(three_poles, 36, 38.5), exact["divergence_speed"], rtol=5e-4)
+    assert_allclose(three_poles.divergence_speed, exact["divergence_speed"], rtol=5e-4)
 
 
 @pytest.mark.parametrize(("modes", "limit"), [(3, 5e-4), (2, 3.5e-3)])
-def test_few_lag_functions_do_what_a_set_per_strip_does(modes, limit, found):
-    few = found if modes == 3 else flutter(model(3, modes), 31.5, 33.5)
-    assert_allclose(few, flutter(model(3, None), 31.5, 33.5), rtol=limit)
+def test_few_lag_functions_do_what_a_set_per_strip_does(modes, limit, three_poles):
+    few = three_poles if modes == 3 else sweep(3, modes)
+    each = sweep(3, None)
+    assert_allclose([few.speed, few.frequency], [each.speed, each.frequency], rtol=limit)
 
 
 @pytest.mark.parametrize("mode", ["flap2", "torsion1"])
@@ -60,7 +62,7 @@ def test_few_lag_functions_do_what_a_set_per_strip_does(modes, limit, found):
 def test_damped_modes_have_the_exact_eigenvalues(mode, speed, three_poles, published):
     rows = published("D09")["reference"]["exact_eigenvalues_rho0.0889_[real 1/s, imag rad/s]"]
     exact = complex(*rows[mode][f"U={speed}"])
-    values = eigenvalues(three_poles, speed)
+    values = three_poles.roots[SPEEDS.index(speed)]
     nearest = values[np.argmin(np.abs(values - exact))]
     # The file's 2 % are of the root itself, mostly its frequency.
     assert abs(nearest / exact - 1) < 0.02

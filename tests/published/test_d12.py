@@ -11,38 +11,41 @@ import pytest
 from numpy.testing import assert_allclose
 
 import curvcasadi as cc
-from tests.support.strip_wings import eigenvalues, flutter, goland
+from tests.support.strip_wings import goland
 
 #: Largest relative error of flutter speed and frequency.
 LIMITS = {2: (0.004, 0.012), 3: (0.003, 0.003)}
+SPEEDS = (40, 120, 140, 150, 155)
 
 
-def model(poles, modes=3):
-    return cc.wing_model(
-        goland(), density=1.02, gravity=0.0, lag=cc.IndicialLag(poles=poles, modes=modes)
+def sweep(poles, modes=3, speeds=SPEEDS[2:]):
+    model = cc.wing_model(
+        goland(),
+        density=1.02,
+        gravity=0.0,
+        lag=cc.IndicialLag(poles=poles, modes=modes),
+        outputs=(),
     )
+    return cc.flutter(model, speeds)
 
 
 @pytest.fixture(scope="module")
 def three_poles():
-    return model(3)
-
-
-@pytest.fixture(scope="module")
-def found(three_poles):
-    return flutter(three_poles, 140, 155)
+    return sweep(3, speeds=SPEEDS)
 
 
 @pytest.mark.parametrize("poles", LIMITS)
-def test_flutter(poles, found, published):
+def test_flutter(poles, three_poles, published):
     exact = published("D12")["reference"]["exact_COMPUTED"]["SHARPy props, rho 1.02"]
-    speed, frequency = found if poles == 3 else flutter(model(poles), 140, 155)
-    assert_allclose(speed, exact["speed"], rtol=LIMITS[poles][0])
-    assert_allclose(frequency, exact["rad_s"], rtol=LIMITS[poles][1])
+    found = three_poles if poles == 3 else sweep(poles)
+    assert_allclose(found.speed, exact["speed"], rtol=LIMITS[poles][0])
+    assert_allclose(found.frequency, exact["rad_s"], rtol=LIMITS[poles][1])
 
 
-def test_three_lag_functions_do_what_a_set_per_strip_does(found):
-    assert_allclose(found, flutter(model(3, None), 140, 155), rtol=5e-4)
+def test_three_lag_functions_do_what_a_set_per_strip_does(three_poles):
+    each = sweep(3, None)
+    got, expected = ((found.speed, found.frequency) for found in (three_poles, each))
+    assert_allclose(got, expected, rtol=5e-4)
 
 
 def test_vacuum_frequencies(published):
@@ -56,5 +59,5 @@ def test_torsion_has_the_exact_eigenvalues(speed, three_poles, published):
     rows = published("D12")["reference"]["exact_COMPUTED"]
     rows = rows["eigenvalues SHARPy props rho 1.02 [real 1/s, imag rad/s]"]
     exact = complex(*rows["torsion1"][f"U={speed}"])
-    values = eigenvalues(three_poles, speed)
+    values = three_poles.roots[SPEEDS.index(speed)]
     assert np.min(np.abs(values / exact - 1)) < 5e-3

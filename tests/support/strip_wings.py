@@ -1,12 +1,8 @@
-"""Published wings in unsteady strip flow: those of cases D09 and D12, and their flutter speeds."""
+"""Published wings in unsteady strip flow: those of cases D09 and D12."""
 
 from __future__ import annotations
 
-from functools import cache
-
-import casadi as ca
 import numpy as np
-from scipy.optimize import brentq
 
 import curvcasadi as cc
 from curvcasadi.reference_wings import RIGHT_WING_ROOT
@@ -59,40 +55,3 @@ def _beam(length, section, weights, elements):
         section=section,
         root=cc.Pose(rotation=RIGHT_WING_ROOT.rotation, position=[0, 0, 0]),
     )
-
-
-@cache
-def state_matrix(model):
-    """(airspeed) -> A of a model about the straight wing in level flow."""
-    x, speed = ca.MX.sym("x", model.x.size), ca.MX.sym("airspeed")
-    p = ca.vertcat(speed, ca.MX.zeros(model.p.size - 1))
-    slope = ca.jacobian(model.xdot(x, ca.MX.zeros(model.u.size), p), x)
-    straight = ca.MX.zeros(model.x.size)
-    return ca.Function("A", [speed], ca.substitute([ca.densify(slope)], [x], [straight]))
-
-
-def eigenvalues(model, speed):
-    """Eigenvalues of a model about the straight wing in level flow at an airspeed."""
-    return np.linalg.eigvals(state_matrix(model)(speed).full())
-
-
-def flutter(model, low, high):
-    """Speed between two at which an oscillation of the straight wing neither grows nor decays."""
-
-    def least_damped(speed):
-        values = eigenvalues(model, speed)
-        values = values[values.imag > 1.0]
-        return values[np.argmax(values.real)]
-
-    speed = brentq(lambda v: least_damped(v).real, low, high, xtol=1e-4)
-    return speed, least_damped(speed).imag
-
-
-def divergence(model, low, high):
-    """Speed between two at which the linear model of the straight wing has an eigenvalue zero."""
-
-    def determinant(speed):
-        values = eigenvalues(model, speed)
-        return np.real(np.prod(values / np.abs(eigenvalues(model, low)).max()))
-
-    return brentq(determinant, low, high, xtol=1e-5)

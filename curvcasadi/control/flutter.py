@@ -1,0 +1,273 @@
+"""Flutter and divergence of a wing: its equilibria and their stability from speed to speed.
+
+At each speed the wing finds its equilibrium, and the linear model about it has the roots λ. Flutter
+begins where an oscillation of a stable wing grows, Re λ > 1e-5 |λ|; divergence where the tangent of
+the steady equations is singular.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from curvcasadi.control.model import ControlModel
+from curvcasadi.control.roots import (
+    GROWTH,
+    OSCILLATING,
+    Point,
+    extrapolated,
+    followed,
+    reordered,
+    scaled,
+)
+from curvcasadi.control.signals import increasing, stacked
+from curvcasadi.control.steady import SteadyStates
+from curvcasadi.symbolic.expressions import Array, Number, instance
+from curvcasadi.symbolic.text import described
+
+#: Relative tolerance of speeds.
+TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Flutter:
+    """Stability of a wing over a range of airspeeds.
+
+    Attributes
+    ----------
+    model : ControlModel
+        The model of the wing.
+    speeds : array, shape (T,)
+        Airspeeds at which there are roots and equilibria, m/s.
+    speed : float or None
+        Lowest airspeed at which an oscillation begins to grow, m/s; None where none does.
+    frequency : float or None
+        Imaginary part of its root there, rad/s.
+    mode : array, shape (nx,), or None
+        Its mode shape, complex, laid out as the state; the largest weight is 1.
+    equilibrium : array, shape (nx,), or None
+        State about which it oscillates.
+    divergence_speed : float or None
+        Lowest airspeed at which the steady equations are singular, m/s.
+    roots : array, shape (T, nx)
+        Roots at each speed, complex, 1/s; a column follows one mode.
+    equilibria : array, shape (T, nx)
+        Steady state at each speed.
+    linearizations : int
+        How many linear models were made in all.
+    success : bool
+        Whether there is an equilibrium at every speed that was needed.
+    message : str
+        What happened, in words.
+    """
+
+    model: ControlModel
+    speeds: Array
+    speed: float | None
+    frequency: float | None
+    mode: Array | None
+    equilibrium: Array | None
+    divergence_speed: float | None
+    roots: Array
+    equilibria: Array
+    linearizations: int
+    success: bool
+    message: str
+
+    @property
+    def damping_ratios(self) -> Array:
+        """−Re λ/|λ| of each root, shape (T, nx)."""
+        return np.asarray(-self.roots.real / np.abs(self.roots))
+
+    def __str__(self) -> str:
+        oscillation = "none"
+        if self.speed is not None and self.frequency is not None:
+            cycles = self.frequency / (2 * np.pi)
+            oscillation = f"{self.speed:.5g} m/s, {self.frequency:.5g} rad/s ({cycles:.4g} Hz)"
+        rows = {
+            "speeds": f"{self.speeds[0]:g} to {self.speeds[-1]:g} m/s, {len(self.speeds)} of them",
+            "flutter": oscillation,
+            "divergence": "none"
+            if self.divergence_speed is None
+            else f"{self.divergence_speed:.5g} m/s",
+            "message": self.message,
+        }
+        return described(f"Flutter of {self.model.name}", rows)
+
+
+def flutter(
+    model: ControlModel,
+    speeds: Number,
+    u: Number | Mapping[str, Number] | None = None,
+    p: Mapping[str, Number] | None = None,
+) -> Flutter:
+    """Speeds at which a wing flutters and diverges, about its equilibrium at each airspeed.
+
+    Parameters
+    ----------
+    model : ControlModel
+        With inertia and a parameter "airspeed", as `wing_model` makes it.
+    speeds : array, shape (T,)
+        Two or more airspeeds that increase, m/s; the wing is stable at the first one.
+    u : array or mapping, optional
+        Inputs, which are held; zero unless given.
+    p : mapping of str to number, optional
+        The other parameters by name, pitch, say; zero unless given.
+
+    Returns
+    -------
+    Flutter
+        Speeds of flutter and divergence between the first and the last of `speeds`, found to 1e-9,
+        and the roots at all of them. What happens between two speeds and is over at the second one
+        is not seen. Where an equilibrium is missing the sweep ends: see `success` and `message`.
+
+    Raises
+    ------
+    ValueError
+        If the model has no airspeed or no inertia, an argument has a wrong size, the first speed
+        has no equilibrium, or the wing is unstable there.
+    """
+    instance("model", model, ControlModel)
+    if model.second_order is None or "airspeed" not in model.p.slices:
+        raise ValueError(
+            "model: expected a model with inertia and a parameter airspeed, as wing_model makes "
+            f"it; found {model!r}"
+        )
+    grid = increasing("speeds", speeds)
+    if grid[0] <= 0:
+        raise ValueError(f"speeds: expected airspeeds above zero, m/s, found {grid[0]:g}")
+    others = dict(p or {})
+    if "airspeed" in others:
+        raise ValueError("p: expected parameters other than airspeed, which speeds sets")
+    held = stacked("u", model.u, u)
+    at = stacked("p", model.p, others)
+    sweep = _Sweep(SteadyStates(model), held, at)
+    points = [_first(sweep, float(grid[0]))]
+    message = "an equilibrium at every speed"
+    for speed in grid[1:]:
+        point = sweep.at(float(speed), points)
+        if point is None:
+            message = (
+                f"no equilibrium found at {speed:g} m/s: the last speed is {points[-1].speed:g} m/s"
+            )
+            break
+        points.append(followed(points[-1], point))
+    onset, divergence, success = None, None, len(points) == len(grid)
+    try:
+        onset = _crossing(sweep, points, lambda point: point.growth - GROWTH)
+        divergence = _crossing(sweep, points, sweep.singularity(points[0]), both=True)
+    except _LostError as lost:
+        message, success = f"{lost} between two of the speeds; {message}", False
+    mode = None if onset is None else scaled(onset.right[:, onset.growing], sweep.steady.n)
+    return Flutter(
+        model=model,
+        speeds=np.array([point.speed for point in points]),
+        speed=None if onset is None else onset.speed,
+        frequency=None if onset is None else float(onset.roots[onset.growing].imag),
+        mode=mode,
+        equilibrium=None if onset is None else onset.x,
+        divergence_speed=None if divergence is None else divergence.speed,
+        roots=np.array([point.roots for point in points]),
+        equilibria=np.array([point.x for point in points]),
+        linearizations=sweep.steady.linearizations,
+        success=success,
+        message=message,
+    )
+
+
+class _LostError(ArithmeticError):
+    """No equilibrium was found at a speed where one is needed."""
+
+
+class _Sweep(NamedTuple):
+    """Steady states and roots of a model at held inputs and parameters."""
+
+    steady: SteadyStates
+    u: Array
+    p: Array
+
+    def at(self, speed: float, known: list[Point]) -> Point | None:
+        """The wing at a speed, from its states at others; None without an equilibrium."""
+        from scipy.linalg import eig
+
+        p = self.p.copy()
+        p[self.steady.model.p.slices["airspeed"]] = speed
+        near = sorted(known, key=lambda point: abs(point.speed - speed))[:3]
+        if near:
+            found = self.steady.settle(extrapolated(near, speed), self.u, p, near[0].slopes)
+            found = found or self.steady.settle(near[0].x, self.u, p)
+        else:
+            found = self.steady.settle(np.zeros(self.steady.model.x.size), self.u, p)
+        if found is None:
+            return None
+        x, _ = found
+        slopes = self.steady.slopes(x, self.u, p)
+        roots, left, right = eig(self.steady.state_matrix(slopes), left=True, right=True)
+        return Point(speed, x, slopes, roots, left, right)
+
+    def singularity(self, first: Point) -> Callable[[Point], float]:
+        """Determinant of the steady tangent, over that of the first speed."""
+        sign, size = np.linalg.slogdet(self.steady.tangent(first.slopes))
+
+        def relative(point: Point) -> float:
+            of_point = np.linalg.slogdet(self.steady.tangent(point.slopes))
+            return float(sign * of_point[0] * np.exp(of_point[1] - size))
+
+        return relative
+
+
+def _first(sweep: _Sweep, speed: float) -> Point:
+    point = sweep.at(speed, [])
+    if point is None:
+        raise ValueError(
+            f"speeds: expected an equilibrium at the first one, {speed:g} m/s; found none"
+        )
+    size = np.abs(point.roots)
+    steady = np.abs(point.roots.imag) <= OSCILLATING * size
+    if np.any(steady & (point.roots.real > 0)):
+        raise ValueError(
+            f"speeds: expected a stable wing at the first one, found {speed:g} m/s beyond "
+            "divergence; begin at a lower speed"
+        )
+    if point.growth > GROWTH:
+        root = point.roots[point.growing]
+        raise ValueError(
+            f"speeds: expected a stable wing at the first one, found an oscillation of "
+            f"{root.imag:.4g} rad/s that grows at {speed:g} m/s; begin at a lower speed"
+        )
+    real, imaginary = point.roots.real, point.roots.imag
+    return reordered(point, np.lexsort((imaginary < 0, np.abs(real), np.abs(imaginary))))
+
+
+def _crossing(
+    sweep: _Sweep, points: list[Point], function: Callable[[Point], float], both: bool = False
+) -> Point | None:
+    """The lowest speed at which a function passes zero, upward or in `both` directions."""
+    values = [function(point) for point in points]
+    for k, (low, high) in enumerate(pairwise(values)):
+        if low <= 0 < high or (both and high <= 0 < low):
+            return _bisected(sweep, points[max(0, k - 1) : k + 2], function)
+    return None
+
+
+def _bisected(sweep: _Sweep, around: list[Point], function: Callable[[Point], float]) -> Point:
+    """Where a function passes zero between the last two of `around`."""
+    from scipy.optimize import brentq
+
+    known = {point.speed: point for point in around}
+
+    def value(speed: float) -> float:
+        if speed not in known:
+            point = sweep.at(speed, [*known.values()])
+            if point is None:
+                raise _LostError(f"no equilibrium found at {speed:g} m/s,")
+            known[speed] = point
+        return function(known[speed])
+
+    low, high = (point.speed for point in around[-2:])
+    speed = brentq(value, low, high, xtol=TOLERANCE * high)
+    return min(known.values(), key=lambda point: abs(point.speed - speed))

@@ -1,0 +1,84 @@
+"""Roots of linear models, and how they are followed from one model to the next.
+
+A mode is followed by its left and right eigenvectors l and r, whose products
+
+    |l_iᴴ r_j′| |l_j′ᴴ r_i| / (|l_iᴴ r_i| |l_j′ᴴ r_j′|)
+
+are those of the identity if the two linear models are the same, in whatever units states have.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from curvcasadi.control.steady import Slopes
+from curvcasadi.symbolic.expressions import Array
+
+#: Growth Re λ/|λ| from which on an oscillation is flutter: undamped in-plane modes are none.
+GROWTH = 1e-5
+#: Of Im λ/|λ|: what is below does not oscillate.
+OSCILLATING = 1e-6
+
+
+class Point(NamedTuple):
+    """The wing at one speed."""
+
+    speed: float
+    x: Array
+    slopes: Slopes
+    roots: Array  #: (nx,)
+    left: Array  #: left eigenvectors, columns
+    right: Array
+
+    @property
+    def growth(self) -> float:
+        """Largest Re λ/|λ| of oscillations."""
+        return float(np.max(self._growths, initial=-1.0))
+
+    @property
+    def growing(self) -> int:
+        """The oscillation that grows most."""
+        return int(np.argmax(self._growths))
+
+    @property
+    def _growths(self) -> Array:
+        size = np.maximum(np.abs(self.roots), np.finfo(float).tiny)
+        return np.where(self.roots.imag > OSCILLATING * size, self.roots.real / size, -1.0)
+
+
+def extrapolated(known: list[Point], speed: float) -> Array:
+    """Polynomial through the states of the known speeds."""
+    total = np.zeros_like(known[0].x)
+    for i, point in enumerate(known):
+        others = [other.speed for j, other in enumerate(known) if j != i]
+        weight = np.prod([(speed - v) / (point.speed - v) for v in others])
+        total += weight * point.x
+    return total
+
+
+def followed(before: Point, after: Point) -> Point:
+    """`after` with the order of modes of `before`."""
+    from scipy.optimize import linear_sum_assignment
+
+    across = np.abs(before.left.conj().T @ after.right) * np.abs(before.right.T @ after.left.conj())
+    own = [np.abs(np.sum(point.left.conj() * point.right, axis=0)) for point in (before, after)]
+    tiny = np.finfo(float).tiny
+    alike = np.minimum(across / np.maximum(np.multiply.outer(*own), tiny), 1.0)
+    size = np.abs(before.roots)[:, None] + np.abs(after.roots)[None, :]
+    apart = np.abs(before.roots[:, None] - after.roots[None, :]) / np.maximum(size, tiny)
+    return reordered(after, linear_sum_assignment(apart - alike)[1])
+
+
+def reordered(point: Point, order: Any) -> Point:
+    """The same point with its roots in another order."""
+    return point._replace(
+        roots=point.roots[order], left=point.left[:, order], right=point.right[:, order]
+    )
+
+
+def scaled(mode: Array, n: int) -> Array:
+    """A mode whose largest weight, of the first `n` entries, is 1."""
+    largest = mode[:n][np.argmax(np.abs(mode[:n]))]
+    return np.asarray(mode / largest)

@@ -1,0 +1,99 @@
+"""Flutter sweeps: modes that are followed, equilibria, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import curvcasadi as cc
+from tests.support.strip_wings import hale
+
+SPEEDS = np.arange(20, 40, 2.0)
+
+
+@pytest.fixture(scope="module")
+def model():
+    lag = cc.IndicialLag(poles=2, modes=2)
+    return cc.wing_model(hale((3, 3, 2), 4), density=0.0889, lag=lag, outputs=("root_moment",))
+
+
+@pytest.fixture(scope="module")
+def sweep(model):
+    return cc.flutter(model, SPEEDS, p={"pitch": 0.02})
+
+
+def test_equilibria_are_at_rest_and_roots_are_those_of_the_linear_model(model, sweep):
+    for speed, x, roots in zip(sweep.speeds, sweep.equilibria, sweep.roots, strict=True):
+        p = [speed, 0.02]
+        # Rates of 1e-9 of those of the straight wing, of whose forces the equilibrium is the zero.
+        scale = np.abs(model.xdot(np.zeros(len(x)), [], p).full()).max()
+        assert_allclose(model.xdot(x, [], p), 0, atol=1e-9 * scale)
+        expected = cc.linearize(model, x, p=p).eigenvalues
+        distance = np.abs(roots[:, None] - expected).min(axis=0)
+        assert_allclose(distance / np.abs(expected), 0, atol=1e-7)
+
+
+def test_at_the_flutter_speed_an_oscillation_keeps_its_size(model, sweep):
+    linear = cc.linearize(model, sweep.equilibrium, p=[sweep.speed, 0.02])
+    root = 1j * sweep.frequency
+    # The root is on the axis to 1e-5 of its size, where growth begins to count.
+    assert_allclose(
+        linear.A @ sweep.mode, root * sweep.mode, atol=3e-5 * np.abs(linear.A @ sweep.mode).max()
+    )
+    assert np.abs(sweep.mode[:8]).max() == pytest.approx(1, rel=1e-12)
+    assert sweep.success and sweep.linearizations <= 3 * len(SPEEDS)
+    assert "flutter" in str(sweep) and "rad/s" in str(sweep)
+
+
+def test_modes_are_followed_as_in_a_sweep_of_small_steps(model, sweep):
+    fine = cc.flutter(model, np.linspace(20, 38, 91), p={"pitch": 0.02})
+    assert_allclose(fine.roots[::10], sweep.roots, rtol=1e-6)
+    assert_allclose(fine.speed, sweep.speed, rtol=1e-8)
+
+
+@pytest.fixture(scope="module")
+def straight():
+    lag = cc.IndicialLag(poles=2, modes=None)
+    return cc.wing_model(hale((2, 2, 0), 3), density=0.0889, gravity=0.0, lag=lag, outputs=())
+
+
+def test_a_straight_wing_diverges_where_its_steady_tangent_is_singular(straight):
+    found = cc.flutter(straight, np.arange(20, 45, 5.0))
+    flow = cc.Flow(density=0.0889, velocity=[found.divergence_speed, 0, 0])
+    air = cc.AerodynamicLoad(strips=hale((2, 2, 0), 3).strips, flow=flow)
+    _, tangent = cc.equilibrium_tangent(hale((2, 2, 0), 3).beam, np.zeros(4), [air])
+    values = np.linalg.eigvals(tangent.full())
+    assert np.abs(values).min() < 1e-7 * np.abs(values).max()
+
+
+def test_without_growth_there_is_no_speed(model):
+    quiet = cc.flutter(model, [10.0, 12.0])
+    assert quiet.speed is None and quiet.frequency is None and quiet.mode is None
+    assert quiet.divergence_speed is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"speeds": [30.0, 31.0], "p": {"pitch": 0.02}}, "that grows at 30 m/s"),
+        ({"speeds": [30.0, 20.0]}, "speeds: expected increasing"),
+        ({"speeds": [0.0, 20.0]}, "speeds: expected airspeeds above zero"),
+        ({"speeds": [20.0, 30.0], "p": {"airspeed": 20.0}}, "p: expected parameters other"),
+        ({"speeds": [20.0, 30.0], "p": {"angle": 0.1}}, "p: expected parts among"),
+        ({"speeds": [20.0, np.nan]}, "speeds"),
+    ],
+)
+def test_bad_input_is_named(model, arguments, message):
+    with pytest.raises(ValueError, match=message):
+        cc.flutter(model, **arguments)
+
+
+def test_a_sweep_that_starts_beyond_divergence_is_named(straight):
+    with pytest.raises(ValueError, match="found 45 m/s beyond divergence"):
+        cc.flutter(straight, [45.0, 50.0])
+
+
+def test_a_model_without_airspeed_is_refused():
+    with pytest.raises(ValueError, match="parameter airspeed"):
+        cc.flutter(cc.beam_model(hale((2, 2, 0), 3).beam), [20.0, 30.0])

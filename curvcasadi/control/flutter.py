@@ -145,7 +145,7 @@ def flutter(
         raise ValueError("p: expected parameters other than airspeed, which speeds sets")
     held = stacked("u", model.u, u)
     at = stacked("p", model.p, others)
-    sweep = _Sweep(SteadyStates(model), held, at)
+    sweep = _Sweep(SteadyStates(model, model.second_order), held, at)
     points = [_first(sweep, float(grid[0]))]
     message = "an equilibrium at every speed"
     for speed in grid[1:]:

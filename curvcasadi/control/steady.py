@@ -13,13 +13,12 @@ that vanishes, in steps that Newton's method contracts on.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from curvcasadi.control.model import ControlModel
+from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.symbolic.expressions import Array
 
 #: Corrections shrink at least by this factor, or slopes are made anew, or the way in smaller steps.
@@ -37,24 +36,11 @@ class Slopes(NamedTuple):
     by_acceleration: Array  #: (nv + no, nv): the mass matrix on top
 
 
-@dataclass(eq=False)
 class SteadyStates:
-    """Steady states of one model; it counts the sets of slopes that it takes.
+    """Steady states of one model with equations of motion; it counts its linearizations."""
 
-    Attributes
-    ----------
-    model : ControlModel
-        With `second_order`.
-    linearizations : int
-        Sets of slopes so far.
-    """
-
-    model: ControlModel
-    linearizations: int = 0
-
-    def __post_init__(self) -> None:
-        motion = self.model.second_order
-        assert motion is not None
+    def __init__(self, model: ControlModel, motion: SecondOrder) -> None:
+        self.model, self.linearizations = model, 0
         n = motion.velocities
         x, a, u, p = (
             ca.MX.sym(name, motion.balance.size1_in(i))

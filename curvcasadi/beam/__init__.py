@@ -40,6 +40,7 @@ from curvcasadi.beam.section import (
     Section,
     condense_axial,
 )
+from curvcasadi.beam.section_table import Condensation, SectionTable
 
 __all__ = [
     "BSpline",
@@ -49,6 +50,7 @@ __all__ = [
     "ChannelBasis",
     "Chebyshev",
     "ComplianceBasis",
+    "Condensation",
     "FreeTip",
     "Grid",
     "Legendre",
@@ -59,6 +61,7 @@ __all__ = [
     "PiecewiseConstant",
     "Pose",
     "Section",
+    "SectionTable",
     "Steps",
     "Tabulated",
     "VectorBasis",

@@ -178,12 +178,13 @@ def _wing(table: toml.Table) -> Wing:
 
 def _beam(table: toml.Table) -> Beam:
     section = read_section(table.table("section"))
+    values = wing_file.beam_values_of(table.table("beam"))
     description = {
-        "basis": wing_file.basis_of(table.table("basis"), section),
+        "basis": wing_file.basis_of(table.table("basis"), section, values["length"]),
         "grid": wing_file.grid_of(table.table("grid")),
         "section": section,
         "bodies": tuple(read_body(entry) for entry in table.tables("bodies")),
-        **wing_file.beam_values_of(table.table("beam")),
+        **values,
     }
     with table.table("beam").owning_errors():
         return Beam(**description)

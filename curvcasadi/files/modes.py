@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -110,6 +111,25 @@ def load_modes(path: str | Path, *, length: float | None = None) -> Modes:
         rotations=rotations,
         labels=tuple(f"mode {name}" for name in lines),
     )
+
+
+def write_modes(path: str | Path, modes: Modes) -> None:
+    """Writes modes as a CSV file that `load_modes` and wing files read, with every digit.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write.
+    modes : Modes
+        In local axes.
+    """
+    with Path(path).open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        for label, u, r in zip(modes.labels, modes.displacements, modes.rotations, strict=True):
+            name = label.removeprefix("mode ")
+            for k, s in enumerate(modes.stations):
+                writer.writerow([name, *map(repr, map(float, (s, *u[:, k], *r[:, k])))])
 
 
 def _lines_by_mode(table: CsvTable, texts: list[dict[str, str]]) -> dict[str, list[int]]:

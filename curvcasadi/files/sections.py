@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 from curvcasadi.beam.along import Piecewise
@@ -20,6 +21,8 @@ from curvcasadi.beam.section import (
     symmetric,
 )
 from curvcasadi.files import toml_reader as toml
+from curvcasadi.files.beamdyn import load_beamdyn_sections
+from curvcasadi.files.sharpy import load_sharpy_sections
 from curvcasadi.files.toml_reader import Key, Keys
 from curvcasadi.symbolic.expressions import COINCIDENT
 
@@ -79,6 +82,22 @@ SECTION_BY_MATRIX = Keys(
     optional={**_MASS, **_XI},
     describes=Section,
 )
+BEAMDYN_SECTION = Keys(
+    place="[section] with beamdyn",
+    meaning="Sections of a blade file of BeamDyn, without shear and extension.",
+    required={"beamdyn": Key(toml.TEXT, "blade file, its place relative to this file")},
+    describes=load_beamdyn_sections,
+)
+SHARPY_SECTION = Keys(
+    place="[section] with sharpy",
+    meaning="Sections of a beam of a structural file of SHARPy, without shear and extension.",
+    required={
+        "sharpy": Key(toml.TEXT, "file case.fem.h5, its place relative to this file"),
+        "beam": Key(toml.WHOLE, "number of the beam in the file"),
+        "y": Key(toml.TEXT, "`leading_edge` or `trailing_edge`: where y of its axes B points"),
+    },
+    describes=load_sharpy_sections,
+)
 BODY = Keys(
     place="[[bodies]]",
     meaning="A rigid body fixed to a station.",
@@ -132,7 +151,9 @@ def _along(kind: toml.Kind, intervals: int | None) -> toml.Kind:
 
 
 def read_section(table: toml.Table) -> Section:
-    """Section of a table: GJ, EI_y, EI_z and couplings, or stiffness; and mass."""
+    """Section of a table: GJ, EI_y, EI_z and couplings, or stiffness; and mass; or of a file."""
+    if "beamdyn" in table.content or "sharpy" in table.content:
+        return _section_of_file(table)
     by_entries = [key for key in (*RIGIDITIES, *COUPLINGS) if key in table.content]
     if by_entries and "stiffness" in table.content:
         raise table.error(
@@ -145,6 +166,17 @@ def read_section(table: toml.Table) -> Section:
         section = _section(values)
         _check(section)
     return section
+
+
+def _section_of_file(table: toml.Table) -> Section:
+    folder = Path(table.path).parent
+    with table.owning_errors():
+        if "beamdyn" in table.content:
+            values = table.read(BEAMDYN_SECTION)
+            return load_beamdyn_sections(folder / values["beamdyn"]).section
+        values = table.read(SHARPY_SECTION)
+        path = folder / values.pop("sharpy")
+        return load_sharpy_sections(path, **values).section
 
 
 def _section(values: dict[str, Any]) -> Section:

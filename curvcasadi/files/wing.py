@@ -14,7 +14,7 @@ from typing import Any
 
 from curvcasadi.aero import AerodynamicLoad, Flow, StripAerodynamics
 from curvcasadi.beam import families
-from curvcasadi.beam.basis import CHANNELS, ChannelBasis
+from curvcasadi.beam.basis import CHANNELS, Basis, ChannelBasis
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.compliance import ComplianceBasis
 from curvcasadi.beam.geometry import WingGeometry, wing_root
@@ -24,6 +24,7 @@ from curvcasadi.beam.section import Section
 from curvcasadi.files import toml_reader as toml
 from curvcasadi.files.aerodynamics import read_strips
 from curvcasadi.files.loads import read_load
+from curvcasadi.files.modes import modal_basis
 from curvcasadi.files.sections import piecewise, read_body, read_section
 from curvcasadi.files.toml_reader import Key, Keys
 from curvcasadi.lie import so3
@@ -206,10 +207,19 @@ BASIS = Keys(
         "kind": Key(
             toml.TEXT,
             "`channels`; or `compliance`: the functions are moments, curvature follows by the "
-            "stiffness of [section], for a section that jumps",
+            "stiffness of [section], for a section that jumps; or `modal`",
             default="`channels`",
         )
     },
+)
+MODAL_BASIS = Keys(
+    place='[basis] with kind = "modal"',
+    meaning="The curvature of modes of a finite-element model.",
+    required={
+        "kind": Key(toml.TEXT, "`modal`"),
+        "modes": Key(toml.TEXT, "CSV file of modes, its place relative to this file"),
+    },
+    optional={"n": Key(toml.WHOLE, "number of modes, the first ones", default="all")},
 )
 #: Keys of a channel by the name of its family.
 FAMILY = {name: _family_keys(name) for name in FAMILIES}
@@ -309,13 +319,13 @@ def read_wing(file: toml.Table) -> WingFile:
     tables = file.read(WING)
     section = read_section(file.table("section")) if "section" in tables else None
     description: dict[str, Any] = {
-        "basis": basis_of(file.table("basis"), section),
         "grid": grid_of(file.table("grid")),
         "section": section,
         "bodies": tuple(read_body(table) for table in file.tables("bodies")),
     }
     beam = file.table("beam")
     description |= beam_values_of(beam)
+    description["basis"] = basis_of(file.table("basis"), section, description["length"])
     with beam.owning_errors():
         made = Beam(**description)
     loads = [read_load(table) for table in file.tables("loads")]
@@ -354,10 +364,16 @@ def beam_values_of(table: toml.Table) -> dict[str, Any]:
     return values
 
 
-def basis_of(table: toml.Table, section: Section | None) -> ChannelBasis | ComplianceBasis:
-    """Basis of a table [basis], for a wing of `section`."""
+def basis_of(table: toml.Table, section: Section | None, length: float) -> Basis:
+    """Basis of a table [basis], for a wing of `section` and length."""
+    if table.content.get("kind") == "modal":
+        return _modal_basis(table, length)
     values = table.read(BASIS)
-    kind = table.one_of("kind", ("channels", "compliance")) if "kind" in values else "channels"
+    kind = (
+        table.one_of("kind", ("channels", "compliance", "modal"))
+        if "kind" in values
+        else "channels"
+    )
     made = {channel: _family(table.table(channel)) for channel in CHANNELS if channel in values}
     with table.owning_errors():
         if kind == "channels":
@@ -365,6 +381,16 @@ def basis_of(table: toml.Table, section: Section | None) -> ChannelBasis | Compl
         if section is None:
             raise ValueError("kind: expected a table [section] for 'compliance', found none")
         return ComplianceBasis(section, **made)
+
+
+def _modal_basis(table: toml.Table, length: float) -> Basis:
+    for channel in CHANNELS:
+        if channel in table.content:
+            raise table.error(f"{channel}: expected no channels with 'modal', found one")
+    values = table.read(MODAL_BASIS)
+    with table.owning_errors():
+        path = Path(table.path).parent / values["modes"]
+        return modal_basis(path, values.get("n"), length=length).basis
 
 
 def _family(table: toml.Table) -> families.Family:

@@ -262,7 +262,7 @@ class TestWingFile:
              "monomial, chebyshev, bspline, cantilever_modes, free_tip, piecewise_constant, "
              "tabulated, found no such key"),
             ({"basis": 'kind = "moments"'},
-             "[basis] kind: expected one of channels, compliance, found 'moments'"),
+             "[basis] kind: expected one of channels, compliance, modal, found 'moments'"),
             ({"basis": 'kind = "compliance"\ntorsion = { family = "legendre", n = 1 }',
               "section": None},
              "[basis] kind: expected a table [section] for 'compliance', found none"),

@@ -22,6 +22,7 @@ from benchmarks import (
     dynamics,
     estimation,
     generated_c,
+    motion,
     parallel,
     placement,
     statics,
@@ -48,6 +49,8 @@ COUNTED: tuple[Section, ...] = (
     dynamics.nodes,
     dynamics.bytes_of_c,
     dynamics.frequencies,
+    motion.energy,
+    motion.free_flight,
     air.unsteady,
     placement.fits,
     placement.placements,
@@ -63,6 +66,8 @@ TIMED: tuple[Section, ...] = (
     alternatives.side_by_side,
     parallel.many_weights,
     parallel.within_one_wing,
+    dynamics.times,
+    motion.times,
     waiting.ratios,
 )
 

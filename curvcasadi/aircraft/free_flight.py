@@ -31,6 +31,7 @@ from curvcasadi.aircraft.free_motion import (
 from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.dynamics import inertia, inverse, mass, momentum
 from curvcasadi.statics.energy import strain_energy
+from curvcasadi.symbolic import ldl
 from curvcasadi.symbolic.expressions import AnyExpr, Number, expression
 
 STANDARD_GRAVITY = 9.80665
@@ -158,8 +159,8 @@ def free_forward_dynamics(
         gravity=gravity,
         loads=loads,
     )
-    triangle = mass.upper_triangle(free_mass_matrix(aircraft, q))
-    return mass.ldl_solve(size)(triangle, -bias)
+    triangle = ldl.upper_triangle(free_mass_matrix(aircraft, q))
+    return ldl.ldl_solve(size)(triangle, -bias)
 
 
 def free_momenta(aircraft: Aircraft, q: AnyExpr, velocity: AnyExpr) -> FlightMomenta:

@@ -8,8 +8,14 @@ c ⊕ δ for a configuration c that is moved by the error state δ, m for the mi
     v⁺ = v + h a,      o⁺ = o + h l,      c⁺ = c ⊕ h κ
 
 The rule is symmetric in time, of order 2, and stable for what is linear and stiff at any step. The
-iteration a ← a − A⁻¹ balance with A = M(x) + h/2 C + h²/4 S, constant over the step, takes no
-derivative of the balance; Newton's takes all of them.
+iteration a ← a − A⁻¹ balance with A = M + h/2 C + h²/4 S, constant over the step, takes no
+derivative of the balance; Newton's takes all of them. It starts at
+
+    a = A⁻¹ (g − C v − S (c + h/2 v)),
+
+where g is a guess of the forces that are neither inertial nor of C and S. They change little from
+step to step where stiff modes make the accelerations change at once, so that simulations
+extrapolate g, not a.
 """
 
 from __future__ import annotations
@@ -25,6 +31,7 @@ from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.expressions import AnyExpr
 from curvcasadi.symbolic.layout import Layout
+from curvcasadi.symbolic.ldl import ldl_factors, ldl_substitute, upper_triangle
 
 #: Relative correction of the rates at which an implicit step has converged.
 TOLERANCE = 1e-10
@@ -75,20 +82,26 @@ def midpoint_step(rule: Midpoint, h: float) -> ca.Function:
 
 
 def midpoint_solver(rule: Midpoint) -> ca.Function:
-    """(x, u, p, h, guess) -> x_next, residual, rates, iterations.
+    """(x, u, p, h, guess) -> x_next, residual, forces, iterations.
 
-    `guess` and `rates` are z; `residual` is the last correction of the accelerations over their
-    size, NaN where the iteration left the numbers; `iterations` counts balances.
+    `guess` and `forces` are (g, l); `residual` is the last correction of the accelerations over
+    their size, NaN where the iteration left the numbers; `iterations` counts balances.
     """
     x, u, p = rule.symbols
     h, guess = ca.MX.sym("h"), ca.MX.sym("guess", rule.n_rates)
-    z, residual, count = _loop(rule)(guess, x, u, p, h, *_matrix(rule, h, x, p))
+    nv = rule.motion.velocities
+    matrix, factors, linear, elastic = _linear_part(rule, h, x, p)
+    force, rates = ca.vertsplit(guess, [0, nv, rule.n_rates])
+    start = ca.vertcat(ldl_substitute(nv)(factors, force - linear), rates)
+    z, residual, count = _loop(rule)(start, x, u, p, h, factors, elastic)
+    a, rates = ca.vertsplit(z, [0, nv, rule.n_rates])
+    forces = ca.vertcat(matrix @ a + linear, rates)
     return ca.Function(
         f"{rule.model.name}_midpoint",
         [x, u, p, h, guess],
-        [after(rule, h, 1.0, x, z), residual, z, count],
+        [after(rule, h, 1.0, x, z), residual, forces, count],
         ["x", "u", "p", "h", "guess"],
-        ["x_next", "residual", "rates", "iterations"],
+        ["x_next", "residual", "forces", "iterations"],
     )
 
 
@@ -123,23 +136,32 @@ def _split(rule: Midpoint, x: ca.MX) -> list[ca.MX]:
     return pieces
 
 
-def _matrix(rule: Midpoint, h: ca.MX, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
-    """A, and |A⁻¹ S c|: accelerations are known to rounding of that, not better."""
-    mass, damping, stiffness = rule.motion.matrices(x, p)
+def _linear_part(rule: Midpoint, h: ca.MX, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ...]:
+    """A, its factors, C v + S (c + h/2 v), and |A⁻¹ S c|.
+
+    Accelerations are known to rounding of the last, not better. The mass matrix is that of the
+    configuration to which the velocities lead in half a step.
+    """
+    nv = rule.motion.velocities
+    halfway = after(rule, h, 0.5, x, ca.MX.zeros(rule.n_rates))
+    mass, damping, stiffness = rule.motion.matrices(halfway, p)
     matrix = ca.densify(mass + h / 2 * damping + h**2 / 4 * stiffness)
-    parts = rule.configuration.split(_split(rule, x)[0])
+    factors = ldl_factors(nv)(upper_triangle(matrix))  # once for all iterations
+    c, v, _ = _split(rule, x)
+    parts = rule.configuration.split(c)
     errors = (
         ca.MX(3, 1) if part.attitude else parts[part.name] for part in rule.configuration.parts
     )
-    force = ca.densify(stiffness @ ca.vertcat(*errors))
-    return matrix, ca.norm_1(ca.solve(matrix, force, "ldl"))
+    elastic = ca.densify(stiffness @ ca.vertcat(*errors))
+    linear = elastic + h / 2 * (stiffness @ v) + damping @ v
+    return matrix, factors, ca.densify(linear), ca.norm_1(ldl_substitute(nv)(factors, elastic))
 
 
 def _loop(rule: Midpoint) -> ca.Function:
-    """(z, x, u, p, h, A, elastic size) -> z, residual, count."""
+    """(z, x, u, p, h, factors of A, elastic size) -> z, residual, count."""
     nv = rule.motion.velocities
     z, constants = ca.MX.sym("z", rule.n_rates), [*rule.symbols, ca.MX.sym("h")]
-    constants += [ca.MX.sym("A", nv, nv), ca.MX.sym("elastic")]
+    constants += [ca.MX.sym("factors", nv * (nv + 1) // 2), ca.MX.sym("elastic")]
     better = ca.Function("iteration", [z, *constants], _iteration(rule, z, *constants))
     return iterated(better, rule.iterations, rule.tolerance)
 
@@ -151,7 +173,7 @@ def _iteration(
     u: ca.MX,
     p: ca.MX,
     h: ca.MX,
-    matrix: ca.MX,
+    factors: ca.MX,
     elastic: ca.MX,
 ) -> tuple[ca.MX, ca.MX]:
     """Better rates, and the size of the correction over that of the rates."""
@@ -160,7 +182,7 @@ def _iteration(
     if rule.newton:
         change = ca.solve(ca.densify(ca.jacobian(error, z)), error, "qr")
     else:
-        change = ca.vertcat(ca.solve(matrix, error[:nv], "ldl"), error[nv:])
+        change = ca.vertcat(ldl_substitute(nv)(factors, error[:nv]), error[nv:])
     z_next = z - change
     _, v, o = _split(rule, x)
     real = rule.model.real

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -68,10 +69,19 @@ def increasing(name: str, times: Number) -> Array:
     return grid
 
 
-def over_time(
-    name: str, layout: Layout, value: Signal, times: Array
-) -> Callable[[int, float], Array]:
-    """The signal as a function of the interval that holds a time, and the time.
+@dataclass(frozen=True)
+class Course:
+    """A signal as a function of the interval that holds a time, and the time."""
+
+    value: Callable[[int, float], Array]
+    held: bool  #: whether it is the same at all times of an interval
+
+    def __call__(self, k: int, t: float) -> Array:
+        return self.value(k, t)
+
+
+def over_time(name: str, layout: Layout, value: Signal, times: Array) -> Course:
+    """The course of a signal over intervals between `times`.
 
     Raises
     ------
@@ -84,13 +94,14 @@ def over_time(
             _part_over_time(f"{name}[{part.name!r}]", part.size, value.get(part.name), times)
             for part in layout.parts
         ]
-        return lambda k, t: np.concatenate([np.zeros(0), *(part(k, t) for part in parts)])
+        return Course(
+            lambda k, t: np.concatenate([np.zeros(0), *(part(k, t) for part in parts)]),
+            all(part.held for part in parts),
+        )
     return _part_over_time(name, layout.size, value, times)
 
 
-def within_bounds(
-    name: str, layout: Layout, signal: Callable[[int, float], Array]
-) -> Callable[[int, float], Array]:
+def within_bounds(name: str, layout: Layout, signal: Course) -> Course:
     """The same signal, which raises a ValueError where it leaves the bounds of its parts.
 
     Angles without bounds may not be beyond ±π/2, as degrees are.
@@ -114,24 +125,22 @@ def within_bounds(
             )
         return value
 
-    return checked
+    return Course(checked, signal.held)
 
 
-def _part_over_time(
-    name: str, size: int, value: Signal, times: Array
-) -> Callable[[int, float], Array]:
+def _part_over_time(name: str, size: int, value: Signal, times: Array) -> Course:
     if value is None:
         zero = np.zeros(size)
-        return lambda k, t: zero
+        return Course(lambda k, t: zero, True)
     if callable(value):
-        return lambda k, t: _column(f"{name}({t:g})", size, value(t))
+        return Course(lambda k, t: _column(f"{name}({t:g})", size, value(t)), False)
     array = numbers(name, value)
     if (array.size == size and array.ndim < 2) or array.shape == (size, 1):
         held = array.ravel()
-        return lambda k, t: held
+        return Course(lambda k, t: held, True)
     if array.shape == (size, len(times)) or (size == 1 and array.shape == (len(times),)):
         columns = array.reshape(size, -1)
-        return lambda k, t: columns[:, k]
+        return Course(lambda k, t: columns[:, k], True)
     raise ValueError(
         f"{name}: expected {size} numbers or columns ({size}, {len(times)}), one per time; "
         f"found shape {array.shape}"

@@ -13,7 +13,14 @@ import numpy as np
 from curvcasadi.control import variational_midpoint as variational
 from curvcasadi.control.implicit_midpoint import TOLERANCE, midpoint_solver
 from curvcasadi.control.model import ControlModel
-from curvcasadi.control.signals import Signal, increasing, over_time, stacked, within_bounds
+from curvcasadi.control.signals import (
+    Course,
+    Signal,
+    increasing,
+    over_time,
+    stacked,
+    within_bounds,
+)
 from curvcasadi.control.step import midpoint_rule, rk4
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.symbolic.compiled import compile_function
@@ -149,9 +156,12 @@ def simulate(
     choice("method", method, get_args(SimulationMethod))
     start, grid = stacked("x0", model.x, x0), increasing("times", times)
     longest = positive("dt", dt) if dt is not None else np.inf
-    inputs = [over_time("u", model.u, u, grid), over_time("p", model.p, p, grid)]
+    inputs = (
+        within_bounds("u", model.u, over_time("u", model.u, u, grid)),
+        over_time("p", model.p, p, grid),
+    )
+    held = all(signal.held for signal in inputs)
     advance = _stepper(model, method, newton, tolerance)
-    inputs[0] = within_bounds("u", model.u, inputs[0])
     states, work = [start], []
     failure = None
     for k in tqdm(range(len(grid) - 1), disable=not progress, unit="step"):
@@ -159,7 +169,8 @@ def simulate(
         steps = max(1, ceil((grid[k + 1] - grid[k]) / longest * (1 - 1e-12)))
         h, x = (grid[k + 1] - grid[k]) / steps, states[-1]
         for i in range(steps):
-            u_held, p_held = (signal(k, grid[k] + (i + 0.5) * h) for signal in inputs)
+            if i == 0 or not held:
+                u_held, p_held = (signal(k, grid[k] + (i + 0.5) * h) for signal in inputs)
             x, iterations, failure = advance(x, u_held, p_held, h)
             work.append(iterations)
             if failure:
@@ -195,7 +206,7 @@ def _stepper(
 def _rk4(model: ControlModel) -> Stepper:
     x, u, p, h = _symbols(model)
     end = rk4(model, h, x, u, p)
-    step = _Native(ca.Function(f"{model.name}_rk4", [x, u, p, h], [end]))
+    step = Native(ca.Function(f"{model.name}_rk4", [x, u, p, h], [end]))
 
     def advance(x: Array, u: Array, p: Array, h: float) -> tuple[Array, float, str | None]:
         (end,) = step(x, u, p, h)
@@ -208,17 +219,17 @@ def _rk4(model: ControlModel) -> Stepper:
 
 def _midpoint(model: ControlModel, newton: bool, tolerance: float) -> Stepper:
     rule = midpoint_rule(model, newton, tolerance=tolerance)
-    solve = _Native(midpoint_solver(rule))
+    solve = Native(midpoint_solver(rule))
     last, before = np.zeros(rule.n_rates), np.zeros(rule.n_rates)
 
     def advance(x: Array, u: Array, p: Array, h: float) -> tuple[Array, float, str | None]:
         nonlocal last, before
-        end, residual, rates, count = solve(x, u, p, h, 2 * last - before)
+        end, residual, forces, count = solve(x, u, p, h, 2 * last - before)
         spent = float(count[0])
         if not residual[0] <= tolerance:  # the guess itself may have been at fault
-            end, residual, rates, count = solve(x, u, p, h, np.zeros(rule.n_rates))
+            end, residual, forces, count = solve(x, u, p, h, np.zeros(rule.n_rates))
             spent += float(count[0])
-        last, before = rates, last
+        last, before = forces, last
         if residual[0] <= tolerance:
             return end, spent, None
         remedy = "shorter steps" if newton else "shorter steps or newton=True"
@@ -230,7 +241,7 @@ def _midpoint(model: ControlModel, newton: bool, tolerance: float) -> Stepper:
 
 def _variational(model: ControlModel, tolerance: float) -> Stepper:
     motion = variational.variational_motion(model)
-    solve = _Native(variational.variational_solver(model, tolerance=tolerance))
+    solve = Native(variational.variational_solver(model, tolerance=tolerance))
     start = model.x.size - motion.velocities
     momenta: Array | None = None
     velocities = np.zeros(motion.velocities)
@@ -282,7 +293,7 @@ def _cvodes(model: ControlModel, tolerance: float) -> Stepper:
     return advance
 
 
-class _Native:
+class Native:
     """A Function as native code, called on arrays without CasADi's conversions."""
 
     def __init__(self, f: ca.Function) -> None:
@@ -298,7 +309,8 @@ class _Native:
 
     def __call__(self, *arguments: Array | float) -> list[Array]:
         for array, argument in zip(self.inputs, arguments, strict=True):
-            array[:] = argument
+            if array.size:
+                array[:] = argument
         self.evaluate()
         return [array.copy() for array in self.outputs]
 
@@ -312,7 +324,7 @@ def _result(
     model: ControlModel,
     times: Array,
     states: list[Array],
-    inputs: list[Callable[[int, float], Array]],
+    inputs: tuple[Course, Course],
     work: list[float],
     failure: str | None,
 ) -> Simulation:

@@ -10,6 +10,7 @@ import casadi as ca
 from curvcasadi.beam.beam import Beam
 from curvcasadi.dynamics import inverse, mass, system
 from curvcasadi.kinematics.root_motion import RootMotion
+from curvcasadi.symbolic import ldl
 from curvcasadi.symbolic.expressions import AnyExpr
 
 
@@ -55,4 +56,4 @@ def accelerations(built: system.System, q: AnyExpr, q_dot: AnyExpr) -> AnyExpr:
     built.refuse_accelerations()
     n = built.beam.basis.n
     bias = inverse.balance(built, q, q_dot, ca.DM.zeros(n)).residual
-    return mass.ldl_solve(n)(mass.packed_mass_matrix(built, q), -bias)
+    return ldl.ldl_solve(n)(mass.packed_mass_matrix(built, q), -bias)

@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.dynamics import forward, inverse, mass, system
+from curvcasadi.dynamics import forward, inverse, system
 from curvcasadi.dynamics.derivatives import Derivatives, differentiate
 from curvcasadi.kinematics.pose_function import KINDS, Form
 from curvcasadi.kinematics.root_motion import RootMotion
+from curvcasadi.symbolic import ldl
 from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.expressions import AnyExpr, choice, function_name
 from curvcasadi.symbolic.functions import free_symbols
@@ -158,8 +159,8 @@ def forward_dynamics_function(
     found = differentiate(made.system, q, q_dot, q_ddot, parameters=made.stacked)
     by_parameters = [] if found.by_parameters is None else [found.by_parameters]
     right = ca.horzcat(found.by_weights, found.by_rates, *by_parameters)
-    triangle = mass.upper_triangle(found.by_accelerations)
-    slopes = -mass.ldl_solve(n, right.shape[1])(triangle, ca.densify(right))
+    triangle = ldl.upper_triangle(found.by_accelerations)
+    slopes = -ldl.ldl_solve(n, right.shape[1])(triangle, ca.densify(right))
     return with_jacobian(
         name,
         made.inputs,

@@ -87,11 +87,6 @@ def check_invertible(built: system.System) -> None:
         )
 
 
-def upper_triangle(matrix: AnyExpr) -> AnyExpr:
-    """Upper triangle of a matrix (n, n), packed by columns."""
-    return ca.vertcat(*(matrix[: k + 1, k] for k in range(matrix.shape[0])))
-
-
 def unpack_symmetric(triangle: AnyExpr, n: int) -> AnyExpr:
     """The symmetric matrix (n, n) whose upper triangle is packed by columns."""
     order = np.zeros((n, n), dtype=int)
@@ -158,29 +153,3 @@ def _station_blocks(n: int, mask: Mask) -> ca.Function:
     columns = ca.vertcat(*kinematics.unpack_sums(state))
     outputs = [whole + pack(moved), coupling + momentum(moved, columns)]
     return ca.Function("station_blocks", [state, inertia, whole, coupling], outputs, {"cse": True})
-
-
-@lru_cache(maxsize=64)
-def ldl_solve(n: int, columns: int = 1) -> ca.Function:
-    """(triangle of a positive definite A, B (n, columns)) -> A⁻¹ B by A = L D Lᵀ.
-
-    Without pivoting and square roots; its rounding does not depend on the scale of the unknowns.
-    """
-    triangle, right = ca.SX.sym("triangle", n * (n + 1) // 2), ca.SX.sym("B", n, columns)
-    entries = [[triangle[j * (j + 1) // 2 + i] for j in range(n)] for i in range(n)]  # i ≤ j
-    lower = [[ca.SX(0)] * n for _ in range(n)]
-    inverse: list[ca.SX] = []
-    scaled = [[ca.SX(0)] * n for _ in range(n)]  # L D
-    for j in range(n):
-        pivot = entries[j][j] - sum(lower[j][k] * scaled[j][k] for k in range(j))
-        inverse.append(1 / pivot)
-        for i in range(j + 1, n):
-            scaled[i][j] = entries[j][i] - sum(lower[j][k] * scaled[i][k] for k in range(j))
-            lower[i][j] = scaled[i][j] * inverse[j]
-    x = [right[i, :] for i in range(n)]
-    for i in range(n):
-        x[i] = x[i] - sum((lower[i][k] * x[k] for k in range(i)), ca.SX(1, columns))
-    x = [row * factor for row, factor in zip(x, inverse, strict=True)]
-    for i in reversed(range(n)):
-        x[i] = x[i] - sum((lower[k][i] * x[k] for k in range(i + 1, n)), ca.SX(1, columns))
-    return ca.Function("ldl_solve", [triangle, right], [ca.vertcat(*x)], {"cse": True})

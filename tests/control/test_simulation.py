@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 import curvcasadi as cc
-from curvcasadi.control.signals import within_bounds
+from curvcasadi.control.signals import Course, within_bounds
 from curvcasadi.lie import quaternion
 from curvcasadi.reference_wings import hale_wing
 from tests.support import models
@@ -153,10 +153,12 @@ def test_inputs_beyond_their_bounds_are_refused_and_degrees_are_named():
         ),
         ([0.1, -1.0], r"u: pull\[0\], N: expected within 0 to 10, found -1 at t = 2 s$"),
     ):
-        signal = within_bounds("u", layout, lambda k, t, value=value: np.array(value))
+        signal = within_bounds("u", layout, Course(lambda k, t, x=value: np.array(x), False))
         with pytest.raises(ValueError, match=words):
             signal(0, 2.0)
-    at_bound = within_bounds("u", layout, lambda k, t: np.array([0.1, 10.0 * (1 + 1e-9)]))
+    at_bound = within_bounds(
+        "u", layout, Course(lambda k, t: np.array([0.1, 10.0 * (1 + 1e-9)]), False)
+    )
     assert at_bound(0, 0.0)[1] > 10  # what a solver returns
 
 

@@ -124,8 +124,8 @@ def free_flight() -> Table:
         for method, step in (("implicit_midpoint", STEP / 4), ("rk4", STEP / 4))
     ]
     note = (
-        "A body of 50 kg with two HALE wings of 8 weights turns and flaps freely for 10 s, in-plane "
-        "modes excited; changes over the size of the momentum."
+        "A body of 50 kg with two HALE wings of 8 weights turns and flaps freely for 10 s, also in "
+        "its plane; changes over the size of the momentum."
     )
     return checked("Free flight without loads", rows, (note,))
 

@@ -154,7 +154,8 @@ def _linear_part(rule: Midpoint, h: ca.MX, x: ca.MX, p: ca.MX) -> tuple[ca.MX, .
     )
     elastic = ca.densify(stiffness @ ca.vertcat(*errors))
     linear = elastic + h / 2 * (stiffness @ v) + damping @ v
-    return matrix, factors, ca.densify(linear), ca.norm_1(ldl_substitute(nv)(factors, elastic))
+    size = ca.norm_1(ldl_substitute(nv)(factors, elastic))
+    return matrix, factors, ca.MX(ca.densify(linear)), size
 
 
 def _loop(rule: Midpoint) -> ca.Function:

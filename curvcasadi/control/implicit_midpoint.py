@@ -21,6 +21,7 @@ extrapolate g, not a.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -146,7 +147,7 @@ def _linear_part(rule: Midpoint, h: ca.MX, x: ca.MX, p: ca.MX) -> tuple[ca.MX, .
     halfway = after(rule, h, 0.5, x, ca.MX.zeros(rule.n_rates))
     mass, damping, stiffness = rule.motion.matrices(halfway, p)
     matrix = ca.densify(mass + h / 2 * damping + h**2 / 4 * stiffness)
-    factors = ldl_factors(nv)(upper_triangle(matrix))  # once for all iterations
+    factors: Any = ldl_factors(nv)(upper_triangle(matrix))  # once for all iterations
     c, v, _ = _split(rule, x)
     parts = rule.configuration.split(c)
     errors = (
@@ -155,7 +156,7 @@ def _linear_part(rule: Midpoint, h: ca.MX, x: ca.MX, p: ca.MX) -> tuple[ca.MX, .
     elastic = ca.densify(stiffness @ ca.vertcat(*errors))
     linear = elastic + h / 2 * (stiffness @ v) + damping @ v
     size = ca.norm_1(ldl_substitute(nv)(factors, elastic))
-    return matrix, factors, ca.MX(ca.densify(linear)), size
+    return matrix, factors, ca.densify(linear), size
 
 
 def _loop(rule: Midpoint) -> ca.Function:

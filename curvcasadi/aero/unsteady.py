@@ -29,6 +29,7 @@ from curvcasadi.aero.induced_load import frozen_map
 from curvcasadi.aero.lag_states import IndicialLag, SpanFunctions, span_functions
 from curvcasadi.aero.strip import AirStation, StripAerodynamics, air_stations, section_data
 from curvcasadi.beam.beam import Beam
+from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics import chain
 from curvcasadi.kinematics.jacobian import body_jacobian_of, jacobian_states, to_body
 from curvcasadi.kinematics.motion import Motion, motion_states, unpack_motion
@@ -101,8 +102,9 @@ class UnsteadyAirload(Load):
         its functions along the span. Their number is `parts.size`.
     deflections : mapping of str to number or symbol
         Of the control surfaces, rad; others are zero.
-    gust : SX, MX, DM or array, shape (3, 1)
-        Velocity of the air beside the wind of `flow`, m/s, inertial axes; the same at all strips.
+    gust : SX, MX, DM or array, shape (3, 1) or (3, stations)
+        Velocity of the air beside the wind of `flow`, m/s, inertial axes; the same at all strips, or
+        a column for each of `points`.
     entry : GustEntry or None
         How the strips follow the gust; None where there is none.
     induced_flow : LiftingLine or None
@@ -148,7 +150,9 @@ class UnsteadyAirload(Load):
         size = self.parts.size
         states = expression("UnsteadyAirload.states", self.states, (size, 1)) if size else None
         object.__setattr__(self, "states", ca.DM(0, 1) if states is None else states)
-        object.__setattr__(self, "gust", expression("UnsteadyAirload.gust", self.gust, (3, 1)))
+        each = (3, len(self.points))
+        shape = each if getattr(self.gust, "shape", ()) == each else (3, 1)
+        object.__setattr__(self, "gust", expression("UnsteadyAirload.gust", self.gust, shape))
 
     @property
     def parts(self) -> StateParts:
@@ -168,7 +172,7 @@ class UnsteadyAirload(Load):
         """φ₀, what else adds to u_e, the velocity through the air, and the data of the strip."""
         parts = self.parts
         direct = 1.0 if self.lag is None else 1.0 - float(np.sum(self.lag.amplitudes))
-        gained = self._gained(beam, parts, direct)
+        added = self._gained(beam, parts, direct)
         velocity = self.flow.velocity - to_parent @ self.flow.wind
         for k, (xi, weight) in enumerate(parts.stations):
             strip = section_data(
@@ -179,21 +183,13 @@ class UnsteadyAirload(Load):
                 measure=weight * beam.length,
                 apparent=float(self.apparent_mass),
             )
-            yield mesh.node(xi), ca.vertcat(direct, gained[k], velocity, strip.pack())
+            yield mesh.node(xi), ca.vertcat(direct, added[k], velocity, strip.pack())
 
     def _gained(self, beam: Beam, parts: StateParts, direct: float) -> list[AnyExpr]:
         """u_e − φ₀ u of each station, which is of states alone."""
         if not parts.size:
             return [0.0] * len(parts.stations)
-        values = parts.values(self.states)
-        lagged: AnyExpr = ca.DM.zeros(1, len(parts.stations))
-        if self.lag is not None:
-            lagged = ca.DM(self.lag.amplitudes).T @ values[: len(parts.lag), :]
-        entered: AnyExpr = ca.DM.zeros(1, len(parts.stations))
-        if self.entry is not None and self.entry.kind == "kussner":
-            entered = ca.DM(self.entry.poles.amplitudes).T @ values[len(parts.lag) :, :]
-        elif self.entry is not None:
-            lagged = lagged + direct * values[len(parts.lag), :]
+        lagged, entered = gained(self.lag, self.entry, parts.values(self.states))
         if self.induced_flow is not None and self.lag is not None:
             steady = frozen_map(self.induced_flow, beam, self.strips)
             whole = lagged / float(np.sum(self.lag.amplitudes))
@@ -214,6 +210,29 @@ class UnsteadyAirload(Load):
         local += section.apparent_wrench(velocity, omega, rate, acceleration[:3], strip)
         force = rotation @ local[3:]
         return ca.vertcat(rotation @ local[:3] + ca.cross(position, force), force)
+
+
+def gained(
+    lag: IndicialLag | None, entry: GustEntry | None, values: AnyExpr
+) -> tuple[AnyExpr, AnyExpr]:
+    """What lag states add to u_e beside φ₀ u, and what a gust adds, (1, stations) each, m/s.
+
+    Parameters
+    ----------
+    lag, entry : IndicialLag, GustEntry or None
+        As of `UnsteadyAirload`.
+    values : SX, MX or DM, shape (poles and entry states, stations)
+        Of the lag states, then of the entry states.
+    """
+    zero: AnyExpr = ca.DM.zeros(1, values.shape[1])
+    amplitudes = np.zeros(0) if lag is None else lag.amplitudes
+    of_lag, of_entry = values[: len(amplitudes), :], values[len(amplitudes) :, :]
+    lagged = ca.DM(amplitudes).T @ of_lag if lag is not None else zero
+    if entry is None:
+        return lagged, zero
+    if entry.kind == "kussner":
+        return lagged, ca.DM(entry.poles.amplitudes).T @ of_entry
+    return lagged + (1 - float(np.sum(amplitudes))) * of_entry, zero
 
 
 def state_parts(
@@ -256,8 +275,9 @@ def state_rates(
     to_parent: AnyExpr,
     boundaries: Array,
     parameters: AnyExpr | None = None,
+    root_twist: AnyExpr | None = None,
 ) -> StateRates:
-    """Rates of the lag and entry states of a load on a beam whose root is clamped to its parent.
+    """Rates of the lag and entry states of a load on a beam.
 
     Parameters
     ----------
@@ -272,7 +292,11 @@ def state_rates(
     boundaries : array, shape (N + 1,)
         Of the elements, the stations of the mesh on which the load acts.
     parameters : SX or MX, shape (m, 1), optional
-        Symbols in the load and in `to_parent`, by which the rates are differentiated as well.
+        Symbols in the load, `to_parent` and `root_twist`, by which the rates are differentiated as
+        well.
+    root_twist : SX, MX or DM, shape (6, 1), optional
+        Body twist of the root, rad/s and m/s, root axes; unless given the root is clamped to its
+        parent.
 
     Returns
     -------
@@ -283,40 +307,44 @@ def state_rates(
     stations = [xi for xi, _ in parts.stations]
     beam_chain = chain.build(beam, stations, boundaries=boundaries)
     slopes, symbols = parameters is not None, ca.MX(0, 1) if parameters is None else parameters
-    motion = Motion(q=q, q_dot=q_dot)
+    motion = Motion(q=q, q_dot=q_dot, root_twist=root_twist)
     states = motion_states(beam_chain, motion, order=1, jacobian=slopes)
     values = parts.values(load.states)
     stream = beam.root.rotation.T @ (load.flow.velocity - to_parent @ load.flow.wind)
-    gust = beam.root.rotation.T @ to_parent @ load.gust
-    n = beam.basis.n
-    of = _station_rates(parts.lag, parts.entry, _in_front(load), n if slopes else 0)
+    gusts = ca.repmat(load.gust, 1, len(stations) if load.gust.shape[1] == 1 else 1)
+    gusts = beam.root.rotation.T @ to_parent @ gusts
+    n, carried = beam.basis.n, ca.DM.zeros(6) if root_twist is None else root_twist
+    of = _station_rates(parts.lag, parts.entry, in_front(load.entry), n if slopes else 0)
     found: list[tuple[AnyExpr, ...]] = []
     for k, (xi, state) in enumerate(zip(stations, states, strict=True)):
         strip = section_data(load.strips, xi, load.deflections, density=1.0, measure=1.0)
-        data = ca.vertcat(values[:, k], stream, gust, strip.pack())
+        data = ca.vertcat(values[:, k], stream, gusts[:, k], strip.pack())
         results = of(state, data)
         if slopes:
-            rate, by_q, by_q_dot, by_data = results
-            found.append((rate, by_q, by_q_dot, by_data @ ca.jacobian(data, symbols)))
+            rate, by_q, by_q_dot, by_root, by_data = results
+            by_symbols = by_data @ ca.jacobian(data, symbols)
+            by_symbols += by_root @ ca.densify(ca.jacobian(ca.MX(carried), symbols))
+            found.append((rate, by_q, by_q_dot, by_symbols))
         else:
             found.append((results,))
     projection = ca.DM(parts.projection)
     return StateRates(*(projection @ ca.vertcat(*column) for column in zip(*found, strict=True)))
 
 
-def _in_front(load: UnsteadyAirload) -> bool:
+def in_front(entry: GustEntry | None) -> bool:
     """Whether a single entry state stands in front of the lag states."""
-    return load.entry is not None and load.entry.kind == "lag"
+    return entry is not None and entry.kind == "lag"
 
 
 @lru_cache(maxsize=64)
 def _station_rates(
-    lag: tuple[float, ...], entry: tuple[float, ...], in_front: bool, columns: int
+    lag: tuple[float, ...], entry: tuple[float, ...], first: bool, columns: int
 ) -> ca.Function:
     """(state, data) -> rates of the values at a station; with `columns` of sums also derivatives.
 
     The state is that of `motion_states`, relative to the root; data are the values, the velocity
-    through the air and the gust in root axes, and `SectionData`.
+    through the air and the gust in root axes, and `SectionData`. The derivatives are those by q,
+    q_dot, the twist of the root and the data.
     """
     count = len(lag) + len(entry)
     state = ca.SX.sym("state", 18 + 12 * columns)
@@ -324,7 +352,7 @@ def _station_rates(
     at = unpack_motion(state, 1)
     local = to_body(at.rotation, at.position, at.twist[:3], at.twist[3:])
     rotation, twist = ca.SX.sym("rotation", 9), ca.SX.sym("twist", 6)
-    rates = _rates(lag, entry, in_front, ca.reshape(rotation, 3, 3), twist, data)
+    rates = strip_rates(lag, entry, first, ca.reshape(rotation, 3, 3), twist, data)
     arguments, given = [rotation, twist], [ca.vec(at.rotation), local]
     if not columns:
         (value,) = ca.substitute([rates], arguments, given)
@@ -335,20 +363,37 @@ def _station_rates(
     turned = ca.vertcat(*(-so3.hat(at.rotation[:, k]) @ a for k in range(3)))
     by_q = by_rotation @ turned + by_twist @ to_body(at.rotation, at.position, a1, b1)
     by_q_dot = by_twist @ to_body(at.rotation, at.position, a, b)
-    outputs = [value, by_q, by_q_dot, by_data]
+    unit = ca.DM.eye(6)
+    by_root = by_twist @ to_body(at.rotation, at.position, unit[:3, :], unit[3:, :])
+    outputs = [value, by_q, by_q_dot, by_root, by_data]
     return ca.Function(
         "lag_rates_tangent", [state, data], [ca.densify(x) for x in outputs], {"cse": True}
     )
 
 
-def _rates(
+def strip_rates(
     lag: tuple[float, ...],
     entry: tuple[float, ...],
-    in_front: bool,
+    first: bool,
     rotation: ca.SX,
     twist: ca.SX,
     data: ca.SX,
 ) -> ca.SX:
+    """Rates (poles and entry states, 1) of the values at a station, m/s².
+
+    Parameters
+    ----------
+    lag, entry : tuple of float
+        Rates of their poles.
+    first : bool
+        Whether the entry state stands in front of the lag states.
+    rotation : SX, shape (3, 3)
+        Of the station, local axes to those of the stream and the gust.
+    twist : SX, shape (6, 1)
+        Of the station, rad/s and m/s, local axes.
+    data : SX
+        Values, velocity of the parent through the air and gust (3, 1) each, `SectionData`.
+    """
     count = len(lag) + len(entry)
     values, stream, gust, packed = ca.vertsplit(
         data, [0, count, count + 3, count + 6, count + 6 + section.SIZE]
@@ -358,7 +403,7 @@ def _rates(
     followed = section.circulation(velocity, omega, strip)
     pace = followed.speed / (strip.chord / 2)
     x, g = values[: len(lag)], values[len(lag) :]
-    target = followed.velocity + (g[0] if in_front else 0)
+    target = followed.velocity + (g[0] if first else 0)
     rates = [rate * pace * (target - x[i]) for i, rate in enumerate(lag)]
     if entry:
         u_g = section.gust_velocity(velocity, omega, rotation.T @ gust, strip)
@@ -367,9 +412,12 @@ def _rates(
 
 
 def apparent_mass_matrix(
-    beam: Beam, q: AnyExpr, load: UnsteadyAirload, boundaries: Array
+    beam: Beam, q: AnyExpr, load: UnsteadyAirload, boundaries: Array, *, root: bool = False
 ) -> AnyExpr:
     """What the apparent mass of the air adds to the mass matrix of the weights, (n, n).
+
+    With `root` also to that of a free parent, whose twist is about its origin in its axes and goes
+    first: (6 + n, 6 + n).
 
     With π ρ b² l the mass of a strip and J its body Jacobian, J_mid that of the normal velocity in
     the middle of its chord: Σ π ρ b² l (J_midᵀ J_mid + ⅛ b² J_ωxᵀ J_ωx).
@@ -384,13 +432,17 @@ def apparent_mass_matrix(
         The load; without apparent mass the matrix is zero.
     boundaries : array, shape (N + 1,)
         Of the elements, the stations of the mesh on which the load acts.
+    root : bool
+        Whether the parent of the beam is free.
     """
     n = beam.basis.n
     stations = air_stations(load.strips)
     beam_chain = chain.build(beam, [xi for xi, _ in stations], boundaries=boundaries)
-    add = _add_apparent_mass(n)
-    total: AnyExpr = ca.DM.zeros(n, n)
-    for (xi, weight), state in zip(stations, jacobian_states(beam_chain, q), strict=True):
+    add = _add_apparent_mass(n, root)
+    total: AnyExpr = ca.DM.zeros(n + 6 * root, n + 6 * root)
+    frame = beam.root.packed if root else chain.IDENTITY
+    states = jacobian_states(beam_chain, q, frame)
+    for (xi, weight), state in zip(stations, states, strict=True):
         strip = section_data(
             load.strips,
             xi,
@@ -404,14 +456,22 @@ def apparent_mass_matrix(
 
 
 @lru_cache(maxsize=32)
-def _add_apparent_mass(n: int) -> ca.Function:
+def _add_apparent_mass(n: int, root: bool) -> ca.Function:
     """(state with sums, `SectionData`, sum) -> sum with the apparent mass of a strip."""
     state, data = ca.SX.sym("state", 12 + 6 * n), ca.SX.sym("data", section.SIZE)
-    total, strip = ca.SX.sym("total", n, n), section.unpack(data)
-    jacobian = body_jacobian_of(state)
+    size = n + 6 * root
+    total, jacobian = ca.SX.sym("total", size, size), body_jacobian_of(state)
+    if root:
+        unit, pose = ca.DM.eye(6), unpack_pose(state)
+        jacobian = ca.horzcat(to_body(*pose, unit[:3, :], unit[3:, :]), jacobian)
+    added = strip_apparent_mass(section.unpack(data), jacobian)
+    return ca.Function("apparent_mass", [state, data, total], [total + added], {"cse": True})
+
+
+def strip_apparent_mass(strip: section.SectionData, jacobian: AnyExpr) -> AnyExpr:
+    """Apparent mass (k, k) of a strip whose body Jacobian is (6, k): see `apparent_mass_matrix`."""
     half = strip.chord / 2
     mass = strip.apparent * np.pi * half * strip.pressure
     rolling = jacobian[0, :]
     normal = jacobian[5, :] + (strip.center - half / 2) * rolling
-    added = mass * (normal.T @ normal + half**2 / 8 * (rolling.T @ rolling))
-    return ca.Function("apparent_mass", [state, data, total], [total + added], {"cse": True})
+    return mass * (normal.T @ normal + half**2 / 8 * (rolling.T @ rolling))

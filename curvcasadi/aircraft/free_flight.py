@@ -90,7 +90,7 @@ def free_inverse_dynamics(
         Moment, N m, and force, N, about the body origin in body axes; then N m² for each weight.
     """
     flight = free_motion(aircraft, q, velocity, acceleration, attitude, gravity, loads)
-    wrench = body_wrench(flight) - thrust_wrench(aircraft, inputs or {})
+    wrench = body_wrench(flight.body, flight.parent) - thrust_wrench(aircraft, inputs or {})
     residuals = []
     for wing in flight.wings:
         found = inverse.balance(wing.system, wing.q, wing.q_dot, wing.q_ddot)

@@ -102,7 +102,7 @@ def _slopes(
     symbols = ca.veccat(attitude, velocity, acceleration, *parameters)
     offsets = offsets_of(aircraft)
     n, m, first = offsets[-1], symbols.numel(), 9
-    needed = body_wrench(flight) - thrust_wrench(aircraft, inputs or {})
+    needed = body_wrench(flight.body, flight.parent) - thrust_wrench(aircraft, inputs or {})
     body = ca.horzcat(ca.DM.zeros(6, n), ca.densify(ca.jacobian(needed, symbols)))
     rows = []
     for k, wing in enumerate(flight.wings):

@@ -80,12 +80,14 @@ def body_inertia(aircraft: Aircraft) -> AnyExpr:
     return inertia.about_point(body.mass, body.center_of_mass, body.inertia)
 
 
-def body_wrench(flight: FreeMotion) -> AnyExpr:
-    """Wrench that the motion of the rigid body needs, body axes, at the body origin."""
-    twist, acceleration = flight.twist, flight.parent.acceleration
+def body_wrench(body: AnyExpr, parent: system.ParentMotion) -> AnyExpr:
+    """Wrench that the motion of the rigid body needs, body axes, at the body origin.
+
+    `body` are the ten numbers of `body_inertia`.
+    """
+    twist, acceleration = parent.twist, parent.acceleration
     linear = acceleration[3:] + ca.cross(twist[:3], twist[3:])
-    parts = inertia.unpack(flight.body)
-    return recursion.inertial_wrench(parts, twist[:3], acceleration[:3], linear)
+    return recursion.inertial_wrench(inertia.unpack(body), twist[:3], acceleration[:3], linear)
 
 
 def thrust_wrench(aircraft: Aircraft, inputs: Mapping[str, Number]) -> AnyExpr:

@@ -2,22 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, TypeAlias
+
 import casadi as ca
 
-from curvcasadi.aircraft.free_flight import (
-    STANDARD_GRAVITY,
-    free_inverse_dynamics,
-    free_mass_matrix,
-    free_momenta,
+from curvcasadi.aero.gust import GustEntry, GustField
+from curvcasadi.aero.induced import LiftingLine
+from curvcasadi.aero.lag_states import IndicialLag
+from curvcasadi.aircraft.flight_equations import (
+    FlightEquations,
+    FlightState,
+    Wind,
+    air_rates,
+    flight_equations,
+    flight_mass,
+    unbalanced,
 )
+from curvcasadi.aircraft.free_air import FreeAir
+from curvcasadi.aircraft.free_flight import STANDARD_GRAVITY, free_momenta
 from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
 from curvcasadi.kinematics.pose_function import tip_function
 from curvcasadi.lie import quaternion
 from curvcasadi.statics.energy import stiffness_matrix
-from curvcasadi.symbolic.expressions import instance, is_numeric, numbers, positive
+from curvcasadi.symbolic.expressions import AnyExpr, function_name, instance, positive
 from curvcasadi.symbolic.layout import Layout, Part
+
+#: The lag of the air unless the user says otherwise.
+LAG = IndicialLag(poles=3, modes=3)
+#: How strips follow a gust unless the user says otherwise.
+ENTRY = GustEntry()
+#: An upward gust whose velocity is a parameter, one in space and time, or one in time, s -> m/s up.
+Gust: TypeAlias = GustEntry | GustField | Callable[[AnyExpr], AnyExpr] | None
 
 
 def aircraft_model(
@@ -25,14 +43,19 @@ def aircraft_model(
     *,
     density: float,
     gravity: float = STANDARD_GRAVITY,
+    lag: IndicialLag | None = LAG,
+    induced_flow: LiftingLine | None = None,
     damping: float = 0.0,
+    gust: Gust = None,
+    entry: GustEntry = ENTRY,
     name: str = "aircraft",
 ) -> ControlModel:
-    """A rigid body with flexible wings that flies freely, without air.
+    """A rigid body with flexible wings and rigid surfaces that flies freely.
 
     The state is the attitude of the body axes (a unit quaternion, body to inertial axes), the
     position of the body origin (north, east, down), q of each wing, the body twist (rad/s, m/s) at
-    the body origin, and q_dot of each wing. The inputs are the thrusts, N. The outputs are the tip
+    the body origin, q_dot of each wing, and the states of the air of each wing and surface, m/s
+    (`UnsteadyAirload`). The inputs are deflections, rad, then thrusts, N. The outputs are the tip
     position of each wing, body axes, m.
 
     Parameters
@@ -40,97 +63,189 @@ def aircraft_model(
     aircraft : Aircraft
         With the inertia of its body, and mass in its wings.
     density : float
-        Density of the air, kg/m³: zero. Airloads of free flight are not modelled; of a wing on its
-        own they are, by `wing_model`.
+        Density of the air, kg/m³; with 0 there is no air.
     gravity : float
         m/s², down.
+    lag : IndicialLag or None
+        Lag of the circulation; None for circulation that follows at once.
+    induced_flow : LiftingLine or None
+        A frozen lifting line of each wing, or none.
     damping : float
         Time β of stiffness-proportional damping of the wings, C = β S, s.
+    gust : GustEntry, GustField, function of time, or None
+        With a `GustEntry` p["gust"] is an upward gust, m/s, the same everywhere. A `GustField` is
+        met by every strip where it is, at p["time"], s; a function of time such as
+        `OneMinusCosine`, m/s upward, is met by all of them at once.
+    entry : GustEntry
+        How the strips follow a gust that is not a `GustEntry` itself.
     name : str
         Name of the model and of its Functions.
 
     Returns
     -------
     ControlModel
-        With its equations of motion and momenta in `second_order`.
+        With its equations of motion in `second_order`, whose derivatives are structured, and, where
+        there is no air, its momenta.
 
     Raises
     ------
     ValueError
-        If the density is not zero, a field holds a symbol, or as `free_inverse_dynamics`.
+        If the density is below zero, or zero with a gust or a lag of its own; if a field holds a
+        symbol, or as `free_inverse_dynamics`.
     """
     instance("aircraft", aircraft, Aircraft)
-    if not is_numeric(density) or float(numbers("density", density)) != 0:
-        raise ValueError(f"density: expected 0, as free flight has no airloads, found {density}")
-    beta = positive("damping", damping, zero=True)
-    wings = aircraft.beams
-    sizes = [wing.beam.basis.n for wing in wings]
+    function_name("name", name)
+    beta = float(positive("damping", damping, zero=True))
+    gusts = _gusts(gust, entry)
+    equations = flight_equations(
+        aircraft, _air(density, lag, gusts, induced_flow), float(gravity), name
+    )
+    x, u, p = _layouts(equations, gusts)
+    symbols = {key: ca.MX.sym(key, part.size) for key, part in (("x", x), ("u", u), ("p", p))}
+    motion = _motion(name, equations, x, u, symbols, gusts, beta)
+    state = flight_state(aircraft, x.split(symbols["x"]))
+    tips = {f"tip_{w.name}": tip_function(w.beam)(state.q[w.name])[0] for w in aircraft.beams}
+    y = Layout(tuple(Part(key, 3, "m") for key in tips))
+    output = ca.Function(f"{name}_output", [*symbols.values()], [y.join(tips)], [*symbols], ["y"])
+    return second_order_model(
+        name=name,
+        x=x,
+        u=u,
+        p=p,
+        y=y,
+        motion=motion,
+        output=output,
+        real=aircraft.beams[0].beam.grid.real,
+    )
+
+
+def flight_state(aircraft: Aircraft, parts: Mapping[str, AnyExpr]) -> FlightState:
+    """The state of an aircraft from the parts of x by name."""
+    wings = [wing.name for wing in aircraft.beams]
+    names = [*wings, *(surface.name for surface in aircraft.surfaces)]
+    return FlightState(
+        attitude=quaternion.rotation(parts["quaternion_wxyz"]),
+        position=parts["position"],
+        q={name: parts[f"q_{name}"] for name in wings},
+        twist=parts["twist"],
+        q_dot={name: parts[f"q_dot_{name}"] for name in wings},
+        lag={name: parts[f"lag_{name}"] for name in names if f"lag_{name}" in parts},
+    )
+
+
+class _Gusts(NamedTuple):
+    """How a gust enters a model."""
+
+    entry: GustEntry | None
+    parameter: Part | None
+    velocity: Callable[[AnyExpr, AnyExpr], AnyExpr]  #: (position, parameter), inertial axes
+
+    def wind(self, p: ca.MX) -> Wind | None:
+        """The gust as a function of the position alone."""
+        if self.entry is None:
+            return None
+        return lambda position: self.velocity(position, p)
+
+
+def _gusts(gust: Gust, entry: GustEntry) -> _Gusts:
+    if gust is None:
+        return _Gusts(None, None, lambda position, p: ca.DM.zeros(3))
+    if isinstance(gust, GustEntry):
+        return _Gusts(gust, Part("gust", 1, "m/s"), lambda position, p: ca.vertcat(0, 0, -p))
+    instance("entry", entry, GustEntry)
+    time = Part("time", 1, "s")
+    if isinstance(gust, GustField):
+        return _Gusts(entry, time, gust)
+    if not callable(gust):
+        raise ValueError(
+            "gust: expected a GustEntry, a GustField or a function of time such as OneMinusCosine, "
+            f"found {gust!r}"
+        )
+    return _Gusts(entry, time, lambda position, p: ca.vertcat(0, 0, -gust(p)))
+
+
+def _air(
+    density: float, lag: IndicialLag | None, gusts: _Gusts, induced_flow: LiftingLine | None
+) -> FreeAir | None:
+    rho = float(positive("density", density, zero=True))
+    if rho > 0:
+        return FreeAir(density=rho, lag=lag, entry=gusts.entry, induced_flow=induced_flow)
+    if gusts.entry is not None or induced_flow is not None or lag not in (LAG, None):
+        raise ValueError(
+            "density: expected a number above zero with a gust, an induced flow or a lag, found 0"
+        )
+    return None
+
+
+def _layouts(equations: FlightEquations, gusts: _Gusts) -> tuple[Layout, Layout, Layout]:
+    """Parts of x, u and p."""
+    aircraft = equations.aircraft
+    beams = [(wing.name, wing.beam) for wing in aircraft.beams]
     configuration = [Part("quaternion_wxyz", 4, "1", attitude=True), Part("position", 3, "m")]
     configuration += [
-        Part(f"q_{w.name}", n, "rad/m", *w.beam.bounds) for w, n in zip(wings, sizes, strict=True)
+        Part(f"q_{name}", beam.basis.n, "rad/m", *beam.bounds) for name, beam in beams
     ]
     velocities = [Part("twist", 6, "rad/s, m/s")]
-    velocities += [
-        Part(f"q_dot_{w.name}", n, "rad/(m s)") for w, n in zip(wings, sizes, strict=True)
-    ]
-    x_layout = Layout((*configuration, *velocities))
-    u_layout = Layout(tuple(Part(thrust.name, 1, "N") for thrust in aircraft.thrusts))
-    nv = 6 + sum(sizes)
-
-    x, a = ca.MX.sym("x", x_layout.size), ca.MX.sym("acceleration", nv)
-    u, p = ca.MX.sym("u", u_layout.size), ca.MX.sym("p", 0)
-    parts = x_layout.split(x)
-    q = ca.vertcat(*(parts[f"q_{wing.name}"] for wing in wings))
-    velocity = ca.vertcat(*(parts[part.name] for part in velocities))
-    rotation = quaternion.rotation(parts["quaternion_wxyz"])
-    stiffness = ca.diagcat(ca.DM(6, 6), *(ca.DM(stiffness_matrix(wing.beam)) for wing in wings))
-    left = free_inverse_dynamics(
-        aircraft,
-        q,
-        velocity,
-        a,
-        attitude=rotation,
-        inputs=u_layout.split(u),
-        gravity=gravity,
+    velocities += [Part(f"q_dot_{name}", beam.basis.n, "rad/(m s)") for name, beam in beams]
+    lag = [Part(f"lag_{name}", size, "m/s") for name, size in equations.states.items()]
+    # Deflections before thrusts.
+    units = sorted(aircraft.inputs.items(), key=lambda pair: pair[1] == "N")
+    parameters = () if gusts.parameter is None else (gusts.parameter,)
+    return (
+        Layout((*configuration, *velocities, *lag)),
+        Layout(tuple(Part(name, 1, unit) for name, unit in units)),
+        Layout(parameters),
     )
-    momenta = free_momenta(aircraft, q, velocity)
-    names = ["x", "acceleration", "u", "p"]
-    rate = ca.vertcat(velocity[:3], rotation @ velocity[3:6], velocity[6:])
-    matrices = [free_mass_matrix(aircraft, q), ca.densify(beta * stiffness), ca.densify(stiffness)]
-    motion = SecondOrder(
-        configuration=len(configuration),
+
+
+def _motion(
+    name: str,
+    equations: FlightEquations,
+    x_layout: Layout,
+    u_layout: Layout,
+    symbols: Mapping[str, ca.MX],
+    gusts: _Gusts,
+    beta: float,
+) -> SecondOrder:
+    """The equations of motion as the integrators take them."""
+    aircraft = equations.aircraft
+    x, u, p = symbols.values()
+    parts, inputs = x_layout.split(x), u_layout.split(u)
+    state = flight_state(aircraft, parts)
+    n = {wing.name: wing.beam.basis.n for wing in aircraft.beams}
+    nv = 6 + sum(n.values())
+    a = ca.MX.sym("acceleration", nv)
+    rows: Any = ca.vertsplit(a, [0, 6, *(6 + sum([*n.values()][: k + 1]) for k in range(len(n)))])
+    stiffness = ca.diagcat(ca.DM(6, 6), *(ca.DM(stiffness_matrix(w.beam)) for w in aircraft.beams))
+    velocity = ca.vertcat(state.twist, *state.q_dot.values())
+    left = unbalanced(equations, state, rows[0], dict(zip(n, rows[1:], strict=True)), inputs)
+    others = air_rates(equations, state, inputs, gusts.wind(p)) if equations.states else ca.MX(0, 1)
+    mass = flight_mass(equations, state.q)
+    rate = ca.vertcat(velocity[:3], state.attitude @ velocity[3:6], velocity[6:])
+    matrices = [mass, ca.densify(beta * stiffness), ca.densify(stiffness)]
+    momenta = None
+    if equations.air is None and not any(wing.loads for wing in aircraft.beams):
+        found = free_momenta(aircraft, ca.vertcat(*state.q.values()), velocity)
+        momenta = ca.Function(
+            f"{name}_momenta",
+            [x],
+            [found.velocities, ca.vertcat(ca.MX.zeros(6), found.by_shape)],
+            ["x"],
+            ["momenta", "by_configuration"],
+        )
+    return SecondOrder(
+        configuration=2 + len(n),
         velocities=nv,
         kinematics=ca.Function(f"{name}_kinematics", [x], [rate], ["x"], ["rate"]),
         balance=ca.Function(
             f"{name}_balance",
             [x, a, u, p],
-            [left + beta * (stiffness @ velocity), ca.MX(0, 1)],
-            names,
+            [left.stacked + beta * (stiffness @ velocity), others],
+            ["x", "acceleration", "u", "p"],
             ["balance", "other_rates"],
         ),
         matrices=ca.Function(
             f"{name}_matrices", [x, p], matrices, ["x", "p"], ["mass", "damping", "stiffness"]
         ),
-        momenta=ca.Function(
-            f"{name}_momenta",
-            [x],
-            [momenta.velocities, ca.vertcat(ca.MX.zeros(6), momenta.by_shape)],
-            ["x"],
-            ["momenta", "by_configuration"],
-        ),
-    )
-    tips = {
-        f"tip_{wing.name}": tip_function(wing.beam)(parts[f"q_{wing.name}"])[0] for wing in wings
-    }
-    y_layout = Layout(tuple(Part(key, 3, "m") for key in tips))
-    output = ca.Function(f"{name}_output", [x, u, p], [y_layout.join(tips)], ["x", "u", "p"], ["y"])
-    return second_order_model(
-        name=name,
-        x=x_layout,
-        u=u_layout,
-        p=Layout(()),
-        y=y_layout,
-        motion=motion,
-        output=output,
-        real=wings[0].beam.grid.real,
+        momenta=momenta,
     )

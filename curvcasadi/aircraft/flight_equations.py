@@ -1,0 +1,205 @@
+"""The equations of motion of a flexible aircraft in the air, from one Function per part.
+
+As in `free_flight`, the rows are the moment and the force on the whole aircraft about the body
+origin in body axes, then the forces on the weights of each wing. The air adds states of its own:
+those of every wing, then those of every surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import casadi as ca
+
+from curvcasadi.aircraft.flying_wing import wing_balance_function, wing_mass, wing_rates_function
+from curvcasadi.aircraft.free_air import (
+    FreeAir,
+    strip_points,
+    surface_apparent_mass,
+    surface_function,
+)
+from curvcasadi.aircraft.free_motion import body_inertia, body_wrench, thrust_wrench
+from curvcasadi.aircraft.parts import Aircraft, LiftingSurface, Wing
+from curvcasadi.dynamics import inertia
+from curvcasadi.dynamics.system import ParentMotion
+from curvcasadi.kinematics.pose_function import pose_function
+from curvcasadi.symbolic.expressions import AnyExpr
+
+#: Velocity of the air (3, 1), m/s, at a position (3, 1), m; inertial axes both.
+Wind = Callable[[AnyExpr], AnyExpr]
+
+
+class FlightState(NamedTuple):
+    """The state of a flying aircraft, wings and states of the air by name."""
+
+    attitude: AnyExpr  #: (3, 3), body to inertial axes
+    position: AnyExpr  #: (3, 1) of the body origin, m, inertial axes
+    q: Mapping[str, AnyExpr]
+    twist: AnyExpr  #: (6, 1) of the body, rad/s and m/s, body axes
+    q_dot: Mapping[str, AnyExpr]
+    lag: Mapping[str, AnyExpr]  #: of wings and surfaces that have states of the air
+
+
+class Unbalanced(NamedTuple):
+    """What a motion leaves unbalanced."""
+
+    wrench: AnyExpr  #: (6, 1) on the whole aircraft, N m and N, body axes
+    residuals: dict[str, AnyExpr]  #: (n, 1) by wing, N m²
+    needed: dict[str, AnyExpr]  #: wrench (6, 1) that each wing needs of the body, body axes
+
+    @property
+    def stacked(self) -> AnyExpr:
+        """All rows of the equations, (6 + n, 1)."""
+        return ca.vertcat(self.wrench, *self.residuals.values())
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlightEquations:
+    """An aircraft in the air, divided into Functions.
+
+    Attributes
+    ----------
+    aircraft : Aircraft
+        The aircraft.
+    air : FreeAir or None
+        The air; None where there is none.
+    gravity : float
+        m/s², down.
+    balances, rates : dict of str to Function
+        Those of `flying_wing` by the name of the wing; rates of wings with states of the air.
+    surfaces : dict of str to Function
+        `free_air.surface_function` of each surface in the air.
+    """
+
+    aircraft: Aircraft
+    air: FreeAir | None
+    gravity: float
+    balances: dict[str, ca.Function]
+    rates: dict[str, ca.Function]
+    surfaces: dict[str, ca.Function]
+
+    @property
+    def states(self) -> dict[str, int]:
+        """Number of states of the air by wing and surface, of those that have some."""
+        if self.air is None:
+            return {}
+        parts: list[Wing | LiftingSurface] = [*self.aircraft.beams, *self.aircraft.surfaces]
+        sizes = {part.name: self.air.size(part) for part in parts}
+        return {name: size for name, size in sizes.items() if size}
+
+
+def flight_equations(
+    aircraft: Aircraft, air: FreeAir | None, gravity: float, name: str
+) -> FlightEquations:
+    """The Functions of an aircraft; their names begin with `name`."""
+    balances = {
+        wing.name: wing_balance_function(wing, air, f"{name}_{wing.name}")
+        for wing in aircraft.beams
+    }
+    rates, surfaces = {}, {}
+    if air is not None:
+        rates = {
+            wing.name: wing_rates_function(wing, air, f"{name}_{wing.name}_rates")
+            for wing in aircraft.beams
+            if air.size(wing)
+        }
+        surfaces = {
+            surface.name: surface_function(surface, air, f"{name}_{surface.name}")
+            for surface in aircraft.surfaces
+        }
+    return FlightEquations(
+        aircraft=aircraft,
+        air=air,
+        gravity=gravity,
+        balances=balances,
+        rates=rates,
+        surfaces=surfaces,
+    )
+
+
+def unbalanced(
+    equations: FlightEquations,
+    state: FlightState,
+    twist_rate: AnyExpr,
+    q_ddot: Mapping[str, AnyExpr],
+    inputs: Mapping[str, Any],
+) -> Unbalanced:
+    """The equations of motion; `twist_rate` (6, 1) are the rates of the components of the twist."""
+    aircraft = equations.aircraft
+    down = state.attitude.T @ ca.vertcat(0, 0, equations.gravity)
+    thrusts = {thrust.name: inputs[thrust.name] for thrust in aircraft.thrusts}
+    wrench = body_wrench(body_inertia(aircraft), ParentMotion(state.twist, twist_rate, down))
+    wrench = wrench - thrust_wrench(aircraft, thrusts)
+    for surface in aircraft.surfaces:
+        if surface.name in equations.surfaces:
+            wrench = wrench - _of_surface(equations, surface, state, twist_rate, None, inputs)[0]
+    residuals, needed = {}, {}
+    for wing in aircraft.beams:
+        key, function = wing.name, equations.balances[wing.name]
+        known = {**state._asdict(), "twist_rate": twist_rate, "gravity": down, **inputs}
+        known |= {"q": state.q[key], "q_dot": state.q_dot[key], "q_ddot": q_ddot[key]}
+        known["lag"] = state.lag.get(key)
+        residuals[key], needed[key] = function(*(known[name] for name in function.name_in()))
+        wrench = wrench + needed[key]
+    return Unbalanced(wrench, residuals, needed)
+
+
+def air_rates(
+    equations: FlightEquations, state: FlightState, inputs: Mapping[str, Any], wind: Wind | None
+) -> AnyExpr:
+    """Rates of all states of the air, m/s², in order; `wind` is the gust."""
+    found = []
+    for wing in equations.aircraft.beams:
+        function = equations.rates.get(wing.name)
+        if function is None:
+            continue
+        known = {**state._asdict(), **inputs, "q": state.q[wing.name]}
+        known |= {"q_dot": state.q_dot[wing.name], "lag": state.lag[wing.name]}
+        if wind is not None:
+            points, _ = pose_function("strips", wing.beam, strip_points(wing))(known["q"])
+            known["gust"] = _gusts(state, points, wind)
+        found.append(function(*(known[name] for name in function.name_in())))
+    for surface in equations.aircraft.surfaces:
+        if surface.name in equations.states:
+            still = ca.DM.zeros(6)
+            found.append(_of_surface(equations, surface, state, still, wind, inputs)[1])
+    return ca.vertcat(*found)
+
+
+def flight_mass(equations: FlightEquations, q: Mapping[str, AnyExpr]) -> AnyExpr:
+    """Mass matrix of the equations, (6 + n, 6 + n), with the apparent mass of the air."""
+    aircraft, air = equations.aircraft, equations.air
+    whole: AnyExpr = inertia.momentum(inertia.unpack(body_inertia(aircraft)), ca.DM.eye(6))
+    if air is not None:
+        for surface in aircraft.surfaces:
+            whole = whole + surface_apparent_mass(surface, air)
+    blocks = [wing_mass(wing, air, q[wing.name]) for wing in aircraft.beams]
+    whole = sum((block.parent for block in blocks), whole)
+    coupling = ca.horzcat(*(block.coupling for block in blocks))
+    weights = ca.densify(ca.diagcat(*(block.weights for block in blocks)))
+    return ca.densify(ca.vertcat(ca.horzcat(whole, coupling), ca.horzcat(coupling.T, weights)))
+
+
+def _of_surface(
+    equations: FlightEquations,
+    surface: LiftingSurface,
+    state: FlightState,
+    twist_rate: AnyExpr,
+    wind: Wind | None,
+    inputs: Mapping[str, Any],
+) -> tuple[AnyExpr, AnyExpr]:
+    """Wrench on a surface, body axes, and the rates of its states."""
+    lag = state.lag.get(surface.name, ca.DM(0, 1))
+    gust = ca.DM.zeros(3) if wind is None else _gusts(state, surface.pose.position, wind)
+    deflections = [inputs[name] for name in surface.strips.inputs]
+    function = equations.surfaces[surface.name]
+    wrench, rates = function(state.twist, twist_rate, lag, gust, *deflections)
+    return wrench, rates
+
+
+def _gusts(state: FlightState, points: AnyExpr, wind: Wind) -> AnyExpr:
+    """Velocities of the gust (3, N), body axes, at points (3, N), m, body axes."""
+    at = [state.position + state.attitude @ point for point in ca.horzsplit(points)]
+    return state.attitude.T @ ca.horzcat(*(wind(position) for position in at))

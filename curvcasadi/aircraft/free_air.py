@@ -1,0 +1,148 @@
+"""The air of free flight: what it does to the wings and surfaces of a moving aircraft.
+
+Every wing and every rigid surface is made of unsteady strips (`aero.unsteady`) that move with their
+section through air at rest, beside gusts. A surface is one strip of its whole area.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.aero import section
+from curvcasadi.aero.airload import Flow
+from curvcasadi.aero.gust import GustEntry
+from curvcasadi.aero.induced import LiftingLine
+from curvcasadi.aero.lag_states import IndicialLag
+from curvcasadi.aero.strip import StripAerodynamics, air_stations, section_data
+from curvcasadi.aero.unsteady import (
+    UnsteadyAirload,
+    gained,
+    in_front,
+    state_parts,
+    strip_apparent_mass,
+    strip_rates,
+)
+from curvcasadi.aircraft.parts import LiftingSurface, Wing
+from curvcasadi.kinematics.jacobian import to_body
+from curvcasadi.symbolic.expressions import AnyExpr, Number
+
+#: Station of the airfoil data of a surface.
+MIDDLE = 0.5
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FreeAir:
+    """Air at rest, and how strips follow their motion through it and gusts.
+
+    Attributes
+    ----------
+    density : float
+        kg/m³, above zero.
+    lag : IndicialLag or None
+        Lag of the circulation.
+    entry : GustEntry or None
+        How strips follow a gust; None without gusts.
+    induced_flow : LiftingLine or None
+        A frozen lifting line of each wing, or none.
+    """
+
+    density: float
+    lag: IndicialLag | None
+    entry: GustEntry | None = None
+    induced_flow: LiftingLine | None = None
+
+    def load(
+        self, wing: Wing, states: Number, deflections: Mapping[str, Number], gust: Number = (0, 0, 0)
+    ) -> UnsteadyAirload:
+        """Airloads of a wing; the gust (3, 1) or (3, stations) is in body axes."""
+        return UnsteadyAirload(
+            strips=_strips(wing),
+            flow=Flow(density=self.density),
+            lag=self.lag,
+            states=states,
+            deflections={name: deflections[name] for name in _strips(wing).inputs},
+            gust=gust,
+            entry=self.entry,
+            induced_flow=self.induced_flow,
+        )
+
+    def size(self, part: Wing | LiftingSurface) -> int:
+        """Number of states of the air of a wing or a surface."""
+        if isinstance(part, LiftingSurface):
+            return sum(map(len, self.poles))
+        return 0 if part.strips is None else state_parts(part.strips, self.lag, self.entry).size
+
+    @property
+    def poles(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Rates of the lag and of the entry states."""
+        lag = () if self.lag is None else tuple(self.lag.rates.tolist())
+        return lag, () if self.entry is None else tuple(self.entry.poles.rates.tolist())
+
+
+def strip_points(part: Wing | LiftingSurface) -> tuple[float, ...]:
+    """Stations of the strips of a wing, s/L; of a surface one."""
+    if isinstance(part, LiftingSurface):
+        return (MIDDLE,)
+    return () if part.strips is None else tuple(at.xi for at in air_stations(part.strips))
+
+
+def _strips(wing: Wing) -> StripAerodynamics:
+    assert wing.strips is not None  # noqa: S101 (callers ask only for wings in the air)
+    return wing.strips
+
+
+def surface_function(surface: LiftingSurface, air: FreeAir, name: str) -> ca.Function:
+    """Airloads of a rigid surface: twist, twist_rate, lag, gust, deflections -> wrench, rates.
+
+    Twist and its rate are those of the body, the gust (3, 1) is in body axes; the wrench (moment,
+    force), (6, 1), is about the body origin in body axes, N m and N; rates are those of the states.
+    """
+    lag, entry = air.poles
+    count = len(lag) + len(entry)
+    twist, rate = ca.SX.sym("twist", 6), ca.SX.sym("twist_rate", 6)
+    states, gust = ca.SX.sym("lag", count), ca.SX.sym("gust", 3)
+    deflections = {key: ca.SX.sym(key) for key in surface.strips.inputs}
+    strip = _surface_strip(surface, air, deflections).pack()
+    rotation, position = surface.pose.rotation, surface.pose.position
+    local = to_body(rotation, position, twist[:3], twist[3:])
+    linear = rate[3:] + ca.cross(twist[:3], twist[3:]) + ca.cross(rate[:3], position)
+    linear += ca.cross(twist[:3], ca.cross(twist[:3], position))
+    acceleration = ca.vertcat(rotation.T @ rate[:3], rotation.T @ linear)
+    direct = 1.0 - (0.0 if air.lag is None else float(np.sum(air.lag.amplitudes)))
+    still = ca.SX(3, 1)
+    data = ca.vertcat(direct, sum(gained(air.lag, air.entry, states)), still, strip)
+    wrench = UnsteadyAirload.wrench(rotation, position, data, local, acceleration)
+    rates = ca.SX(0, 1)
+    if count:
+        at_strip = ca.vertcat(states, still, gust, strip)
+        rates = strip_rates(lag, entry, in_front(air.entry), rotation, local, at_strip)
+    inputs = {"twist": twist, "twist_rate": rate, "lag": states, "gust": gust, **deflections}
+    return ca.Function(
+        f"{name}_{surface.name}",
+        [*inputs.values()],
+        [ca.densify(wrench), ca.densify(rates)],
+        [*inputs],
+        ["wrench", "rates"],
+        {"cse": True},
+    )
+
+
+def surface_apparent_mass(surface: LiftingSurface, air: FreeAir) -> AnyExpr:
+    """Apparent mass (6, 6) of a surface for the twist of the body."""
+    none = dict.fromkeys(surface.strips.inputs, 0.0)
+    unit, pose = ca.DM.eye(6), surface.pose
+    jacobian = to_body(pose.rotation, pose.position, unit[:3, :], unit[3:, :])
+    return strip_apparent_mass(_surface_strip(surface, air, none), jacobian)
+
+
+def _surface_strip(
+    surface: LiftingSurface, air: FreeAir, deflections: Mapping[str, Number]
+) -> section.SectionData:
+    span = surface.area / surface.strips.at("chord", MIDDLE)
+    return section_data(
+        surface.strips, MIDDLE, deflections, density=air.density, measure=span, apparent=1.0
+    )

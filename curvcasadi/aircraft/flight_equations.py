@@ -106,8 +106,8 @@ def flight_equations(
             if air.size(wing)
         }
         surfaces = {
-            surface.name: surface_function(surface, air, f"{name}_{surface.name}")
-            for surface in aircraft.surfaces
+            surface.name: surface_function(surface, air, f"{name}_surface_{k}")
+            for k, surface in enumerate(aircraft.surfaces)
         }
     return FlightEquations(
         aircraft=aircraft,

@@ -122,7 +122,7 @@ def surface_function(surface: LiftingSurface, air: FreeAir, name: str) -> ca.Fun
         rates = strip_rates(lag, entry, in_front(air.entry), rotation, local, at_strip)
     inputs = {"twist": twist, "twist_rate": rate, "lag": states, "gust": gust, **deflections}
     return ca.Function(
-        f"{name}_{surface.name}",
+        name,
         [*inputs.values()],
         [ca.densify(wrench), ca.densify(rates)],
         [*inputs],

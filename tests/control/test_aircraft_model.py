@@ -87,11 +87,6 @@ def test_a_falling_aircraft_falls_freely(aircraft):
         assert_allclose(result.part("q_right"), 0, atol=1e-9)
 
 
-def test_air_is_refused(aircraft):
-    with pytest.raises(ValueError, match=r"density: expected 0, as free flight .* found 1.2"):
-        cc.aircraft_model(aircraft, density=1.2)
-
-
 def test_the_variational_rule_needs_momenta():
     beam = cc.beam_model(hale_wing(torsion=1, out_of_plane=1, in_plane=1))
     with pytest.raises(ValueError, match=r"'variational' needs a model with momenta, .*'beam'"):

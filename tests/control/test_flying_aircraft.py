@@ -1,0 +1,236 @@
+"""Free flight in air: the airloads of moving strips, gusts, derivatives, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import curvcasadi as cc
+from curvcasadi.aero import section
+from curvcasadi.aero.strip import air_stations, section_data
+from curvcasadi.aero.unsteady import state_parts
+from curvcasadi.control.aircraft_model import _gusts, flight_state
+from curvcasadi.lie import se3
+from tests.support.flying_aircraft import DENSITY, aircraft, anywhere
+
+LAG = cc.IndicialLag(poles=2, modes=2)
+ENTRY = cc.GustEntry(modes=2)
+
+
+def field(position, time):
+    """A gust that differs from place to place, along all axes."""
+    wave = ca.sin(0.2 * position[0] + 0.3 * position[1] - 0.1 * position[2] + time)
+    return ca.vertcat(wave, 0.5 * wave**2, -2 * wave)
+
+
+def made(density):
+    return cc.aircraft_model(
+        aircraft(), density=density, gravity=0, lag=LAG, gust=cc.GustField(field), entry=ENTRY
+    )
+
+
+@pytest.fixture(scope="module")
+def model():
+    return made(DENSITY)
+
+
+@pytest.fixture(scope="module")
+def dense():
+    """The same in air twice as dense: what the air does is the difference between the two."""
+    return made(2 * DENSITY)
+
+
+def adjoint(pose):
+    """Takes a twist in the axes of the parent to the axes at `pose`."""
+    inward = pose.inverse()
+    return se3.adjoint(se3.matrix(inward.rotation, inward.position))
+
+
+def test_parts_stand_in_their_order(model):
+    sizes = {part.name: part.size for part in model.x.parts}
+    assert sizes == {
+        "quaternion_wxyz": 4, "position": 3, "q_right": 4, "q_left": 4,
+        "twist": 6, "q_dot_right": 4, "q_dot_left": 4,
+        "lag_right": 8, "lag_left": 8, "lag_tail": 4,
+    }  # fmt: skip
+    assert [part.name for part in model.u.parts] == ["aileron", "elevator", "thrust"]
+    assert [part.name for part in model.p.parts] == ["time"]
+
+
+def airloads(model, x, acceleration, u, p):
+    """Generalized forces (6 + n,) of the air and rates of its states, strip by strip.
+
+    Each strip by its own body Jacobian and the rates of its twist, by AD along the motion.
+    """
+    plane, poles = aircraft(), (LAG, ENTRY.poles)
+    parts, inputs = model.x.split(ca.DM(x)), model.u.split(ca.DM(u))
+    state = flight_state(plane, parts)
+    t = ca.MX.sym("t")
+    total, rates = np.zeros(6), []
+    forces = []
+    starts = np.cumsum([6, *(wing.beam.basis.n for wing in plane.beams)])
+    places = [
+        (wing, wing.beam, wing.strips, [(at.xi, at.weight * wing.beam.length) for at in
+         air_stations(wing.strips)]) for wing in plane.beams
+    ] + [(tail, None, tail.strips, [(0.5, tail.area / 0.5)]) for tail in plane.surfaces]
+    for k, (part, beam, strips, stations) in enumerate(places):
+        values = ca.DM(state.lag[part.name])
+        if beam is not None:
+            spread = state_parts(strips, LAG, ENTRY)
+            values = spread.values(values)
+            a = ca.DM(acceleration[starts[k] : starts[k + 1]])
+        else:
+            values = ca.reshape(values, 4, 1)
+        deflections = {name: inputs[name] for name in strips.inputs}
+        own, changes = 0, []
+        for j, (xi, measure) in enumerate(stations):
+            strip = section_data(strips, xi, deflections, density=DENSITY, measure=measure, apparent=1)
+            V = state.twist + t * acceleration[:6]
+            if beam is None:
+                pose = part.pose
+                jacobian, twist = adjoint(pose), adjoint(pose) @ V
+            else:
+                q, q_dot = state.q[part.name], state.q_dot[part.name]
+                pose = cc.pose_at(beam, q, xi)
+                jacobian = ca.horzcat(adjoint(pose), cc.body_jacobian(beam, q, xi))
+                twist = cc.body_twist(
+                    beam, q + t * q_dot + t**2 / 2 * a, q_dot + t * a, xi, adjoint(beam.root) @ V
+                )
+            at = ca.Function("at", [t], [twist, ca.jacobian(twist, t)])
+            twist, rate = at(0)
+            omega, velocity = twist[:3], twist[3:]
+            u_now = section.circulation(velocity, omega, strip)
+            u_e = u_now.velocity / 2 + ca.dot(ca.DM(LAG.amplitudes), values[:2, j])
+            u_e += ca.dot(ca.DM(ENTRY.poles.amplitudes), values[2:, j])
+            wrench = section.circulatory_wrench(velocity, omega, strip, u_now.velocity, u_e)
+            wrench += section.apparent_wrench(velocity, omega, rate[3:], rate[:3], strip)
+            own += jacobian.T @ wrench
+            position = state.position + state.attitude @ pose.position
+            gust = pose.rotation.T @ state.attitude.T @ field(position, p[0])
+            entered = section.circulation(velocity - gust, omega, strip).velocity
+            pace = 2 * u_now.speed / strip.chord
+            target = [u_now.velocity] * 2 + [entered - u_now.velocity] * 2
+            speed = np.r_[LAG.rates, ENTRY.poles.rates]
+            changes += [pace * b * (aim - values[i, j]) for i, (b, aim) in enumerate(zip(speed, target))]
+        own = np.array(own).ravel()
+        total += own[:6]
+        changes = np.array(ca.vertcat(*changes)).ravel()
+        rates.append(changes if beam is None else spread.projection @ changes)
+        forces.append(own[6:])
+    return np.concatenate([total, *forces]), np.concatenate(rates)
+
+
+def test_airloads_are_those_of_strips_in_virtual_work(model, dense):
+    x, u, p = anywhere(model)
+    nv = model.second_order.velocities
+    acceleration = np.random.default_rng(1).normal(size=nv)
+    found, rates = model.second_order.balance(x, acceleration, u, p)
+    twice, _ = dense.second_order.balance(x, acceleration, u, p)
+    expected = airloads(model, x, acceleration, u, p)
+    loads = (found - twice).full().ravel()  # proportional to the density
+    # The chain of a body Jacobian has other elements than that of the model, magnus4 both.
+    assert_allclose(loads, expected[0], atol=1e-5 * np.abs(expected[0]).max())
+    assert_allclose(rates.full().ravel(), expected[1], atol=1e-5 * np.abs(expected[1]).max())
+
+
+def energy_and_power(model, dense):
+    """(x, u, p) -> energy of aircraft and wings, J; power of the air, W."""
+    x, u, p = (ca.MX.sym(k, getattr(model, k).size) for k in "xup")
+    nv = model.second_order.velocities
+    start = model.x.slices["twist"].start
+    v, a = x[start : start + nv], model.xdot(x, u, p)[start : start + nv]
+    matrices = [m.second_order.matrices(x, p) for m in (model, dense)]
+    mass = 2 * matrices[0][0] - matrices[1][0]
+    q = ca.vertcat(ca.MX(6, 1), *(x[model.x.slices[f"q_{wing.name}"]] for wing in aircraft().beams))
+    energy = ca.bilin(mass, v, v) / 2 + ca.bilin(matrices[0][2], q, q) / 2
+    forces = [m.second_order.balance(x, a, u, p)[0] for m in (model, dense)]
+    return ca.Function("energy", [x, u, p], [energy, ca.dot(v, forces[0] - forces[1])])
+
+
+def test_the_air_takes_what_the_aircraft_loses(model, dense):
+    x, u, p = anywhere(model)
+    u[model.u.slices["thrust"]] = 0
+    of = energy_and_power(model, dense)
+    rate, step = model.xdot(x, u, p).full().ravel(), 1e-5
+    ahead, behind = (float(of(x + sign * step * rate, u, p)[0]) for sign in (1, -1))
+    power = float(of(x, u, p)[1])
+    # Central differences: rounding of 10 kJ over a step of 10 µs.
+    assert_allclose((ahead - behind) / (2 * step), power, rtol=1e-6)
+
+
+def test_work_of_the_air_is_loss_of_energy_to_the_order_of_the_method(model, dense):
+    x, u, p = anywhere(model)
+    u[:] = 0
+    of = energy_and_power(model, dense)
+    left = []
+    for steps in (40, 80):
+        times = np.linspace(0, 0.05, steps + 1)
+        found = cc.simulate(model, x, times, u=u, p={"time": 0.0})
+        values = np.array([[float(y) for y in of(column, u, p * 0)] for column in found.x.T])
+        simpson = np.ones(steps + 1)
+        simpson[1:-1:2], simpson[2:-1:2] = 4, 2
+        work = simpson @ values[:, 1] * (times[1] - times[0]) / 3
+        left.append(abs(values[-1, 0] - values[0, 0] - work))
+        size = abs(work)
+    assert left[1] < 1e-6 * size
+    assert 12 < left[0] / left[1] < 20  # Runge and Kutta, Simpson: order 4
+
+
+def test_derivatives_are_those_of_differences(model):
+    x, u, p = anywhere(model)
+    symbols = [ca.MX.sym(k, getattr(model, k).size) for k in "xup"]
+    stacked = ca.vertcat(*symbols)
+    slope = ca.Function("slope", symbols, [ca.jacobian(model.xdot(*symbols), stacked)])
+    used = {f.name() for f in slope.find_functions()}
+    assert {"jac_aircraft_right", "jac_aircraft_left_rates"} <= used
+    assert not any(name.startswith("fwd") and "element" in name for name in used)
+    matrix, rng = slope(x, u, p).full(), np.random.default_rng(3)
+    for _ in range(3):
+        ends = [rng.normal(size=value.size) for value in (x, u, p)]
+        h = 1e-5
+        ahead, behind = (
+            model.xdot(*(v + s * h * d for v, d in zip((x, u, p), ends, strict=True))).full().ravel()
+            for s in (1, -1)
+        )
+        expected = matrix @ np.concatenate(ends)
+        # Errors of h² and of rounding over h.
+        assert_allclose((ahead - behind) / (2 * h), expected, atol=1e-7 * np.abs(expected).max())
+
+
+def test_mass_matrix_is_the_derivative_of_the_balance(model):
+    x, u, p = anywhere(model)
+    motion = model.second_order
+    unit = np.eye(motion.velocities)
+    at_rest = motion.balance(x, np.zeros(motion.velocities), u, p)[0]
+    columns = [(motion.balance(x, column, u, p)[0] - at_rest).full().ravel() for column in unit]
+    mass = motion.matrices(x, p)[0].full()
+    assert_allclose(np.column_stack(columns), mass, atol=1e-11 * np.abs(mass).max())
+
+
+def test_a_gust_is_a_parameter_or_a_field():
+    position, time = np.array([1.0, 2.0, 3.0]), ca.DM(0.4)
+    wave = cc.OneMinusCosine(amplitude=2.0, duration=1.0)
+    cases = ((ENTRY, time, [0, 0, -0.4]), (cc.GustField(field), time, field(position, 0.4)))
+    for gust, value, expected in (*cases, (wave, time, [0, 0, -wave(0.4)])):
+        found = _gusts(gust, cc.GustEntry()).wind(value)(position)
+        assert_allclose(ca.DM(found), ca.DM(expected), atol=1e-15)
+
+
+def test_what_cannot_fly_is_named(model):
+    plane = aircraft()
+    with pytest.raises(ValueError, match="density: expected a number above zero with a gust"):
+        cc.aircraft_model(plane, density=0, gust=ENTRY)
+    with pytest.raises(ValueError, match="density: expected a number above zero with .* lag"):
+        cc.aircraft_model(plane, density=0, lag=LAG)
+    with pytest.raises(ValueError, match="density"):
+        cc.aircraft_model(plane, density=-1.0)
+    with pytest.raises(ValueError, match="gust: expected a GustEntry, a GustField or a function"):
+        cc.aircraft_model(plane, density=1.0, gust=3.0)
+    with pytest.raises(ValueError, match=r"RigidBody\.inertia: expected \(3, 3\) for free flight"):
+        cc.aircraft_model(replace(plane, body=replace(plane.body, inertia=None)), density=1.0)
+    with pytest.raises(ValueError, match=r"IndicialLag\.modes: expected at most 3, .* found 7"):
+        cc.aircraft_model(plane, density=1.0, lag=cc.IndicialLag(modes=7))

@@ -103,8 +103,8 @@ class UnsteadyAirload(Load):
     deflections : mapping of str to number or symbol
         Of the control surfaces, rad; others are zero.
     gust : SX, MX, DM or array, shape (3, 1) or (3, stations)
-        Velocity of the air beside the wind of `flow`, m/s, inertial axes; the same at all strips, or
-        a column for each of `points`.
+        Velocity of the air beside the wind of `flow`, m/s, inertial axes; the same at all strips,
+        or a column for each of `points`.
     entry : GustEntry or None
         How the strips follow the gust; None where there is none.
     induced_flow : LiftingLine or None

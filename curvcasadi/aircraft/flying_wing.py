@@ -67,8 +67,8 @@ def wing_balance_function(wing: Wing, air: FreeAir | None, name: str) -> ca.Func
 def wing_rates_function(wing: Wing, air: FreeAir, name: str) -> ca.Function:
     """Rates of the states of the air at a wing, with attached and structured derivatives.
 
-    (q, q_dot, twist, lag, gust, deflections …) -> rates, m/s². The gust (3, strips), m/s, is in body
-    axes, and an input only where the air has gusts.
+    (q, q_dot, twist, lag, gust, deflections …) -> rates, m/s². The gust (3, strips), m/s, is in
+    body axes, and an input only where the air has gusts.
     """
     beam = wing.beam
     weights = {key: ca.MX.sym(key, beam.basis.n) for key in ("q", "q_dot")}
@@ -81,11 +81,13 @@ def wing_rates_function(wing: Wing, air: FreeAir, name: str) -> ca.Function:
     inward = beam.root.inverse()
     root_twist = se3.adjoint(se3.matrix(inward.rotation, inward.position)) @ others["twist"]
     boundaries = inertial_mesh(beam, [load, *wing.loads]).stations
-    at: Any = (beam, *weights.values(), load, ca.DM.eye(3), boundaries)
-    value = state_rates(*at, root_twist=root_twist).value
-    found = state_rates(*at, ca.veccat(*others.values()), root_twist)
+    q, q_dot = weights.values()
+    plain, found = (
+        state_rates(beam, q, q_dot, load, ca.DM.eye(3), boundaries, symbols, root_twist)
+        for symbols in (None, ca.veccat(*others.values()))
+    )
     slopes = ca.horzcat(found.by_weights, found.by_rates, found.by_parameters)
-    return with_jacobian(name, {**weights, **others}, {"rates": value}, {"rates": slopes})
+    return with_jacobian(name, {**weights, **others}, {"rates": plain.value}, {"rates": slopes})
 
 
 def wing_mass(wing: Wing, air: FreeAir | None, q: AnyExpr) -> mass.Blocks:

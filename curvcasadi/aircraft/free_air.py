@@ -56,7 +56,11 @@ class FreeAir:
     induced_flow: LiftingLine | None = None
 
     def load(
-        self, wing: Wing, states: Number, deflections: Mapping[str, Number], gust: Number = (0, 0, 0)
+        self,
+        wing: Wing,
+        states: Number,
+        deflections: Mapping[str, Number],
+        gust: Number = (0, 0, 0),
     ) -> UnsteadyAirload:
         """Airloads of a wing; the gust (3, 1) or (3, stations) is in body axes."""
         return UnsteadyAirload(
@@ -91,7 +95,7 @@ def strip_points(part: Wing | LiftingSurface) -> tuple[float, ...]:
 
 
 def _strips(wing: Wing) -> StripAerodynamics:
-    assert wing.strips is not None  # noqa: S101 (callers ask only for wings in the air)
+    assert wing.strips is not None
     return wing.strips
 
 

@@ -21,6 +21,7 @@ from curvcasadi.aircraft.flight_equations import (
 )
 from curvcasadi.aircraft.free_air import FreeAir
 from curvcasadi.aircraft.free_flight import STANDARD_GRAVITY, free_momenta
+from curvcasadi.aircraft.free_motion import offsets_of
 from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
@@ -212,19 +213,20 @@ def _motion(
     x, u, p = symbols.values()
     parts, inputs = x_layout.split(x), u_layout.split(u)
     state = flight_state(aircraft, parts)
-    n = {wing.name: wing.beam.basis.n for wing in aircraft.beams}
-    nv = 6 + sum(n.values())
-    a = ca.MX.sym("acceleration", nv)
-    rows: Any = ca.vertsplit(a, [0, 6, *(6 + sum([*n.values()][: k + 1]) for k in range(len(n)))])
+    ends = [6 + k for k in offsets_of(aircraft)]
+    a = ca.MX.sym("acceleration", ends[-1])
+    twist_rate, *accelerations = ca.vertsplit(a, [0, *ends])
+    q_ddot: Any = dict(zip(state.q, accelerations, strict=True))
     stiffness = ca.diagcat(ca.DM(6, 6), *(ca.DM(stiffness_matrix(w.beam)) for w in aircraft.beams))
     velocity = ca.vertcat(state.twist, *state.q_dot.values())
-    left = unbalanced(equations, state, rows[0], dict(zip(n, rows[1:], strict=True)), inputs)
+    left = unbalanced(equations, state, twist_rate, q_ddot, inputs)
     others = air_rates(equations, state, inputs, gusts.wind(p)) if equations.states else ca.MX(0, 1)
     mass = flight_mass(equations, state.q)
-    rate = ca.vertcat(velocity[:3], state.attitude @ velocity[3:6], velocity[6:])
+    omega, linear, rates = ca.vertsplit(velocity, [0, 3, 6, ends[-1]])
+    rate = ca.vertcat(omega, state.attitude @ linear, rates)
     matrices = [mass, ca.densify(beta * stiffness), ca.densify(stiffness)]
     momenta = None
-    if equations.air is None and not any(wing.loads for wing in aircraft.beams):
+    if equations.air is None:
         found = free_momenta(aircraft, ca.vertcat(*state.q.values()), velocity)
         momenta = ca.Function(
             f"{name}_momenta",
@@ -234,8 +236,8 @@ def _motion(
             ["momenta", "by_configuration"],
         )
     return SecondOrder(
-        configuration=2 + len(n),
-        velocities=nv,
+        configuration=2 + len(state.q),
+        velocities=ends[-1],
         kinematics=ca.Function(f"{name}_kinematics", [x], [rate], ["x"], ["rate"]),
         balance=ca.Function(
             f"{name}_balance",

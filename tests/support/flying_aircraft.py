@@ -78,12 +78,11 @@ def anywhere(model, seed=0):
     """A state (nx,), inputs and parameters of a model in flight at some 20 m/s, all of them set."""
     rng = np.random.default_rng(seed)
     sizes = {"position": 30.0, "twist": 0.2, "elevator": 0.1, "aileron": 0.1, "thrust": 30.0}
-    x, u, p = (
-        np.concatenate(
-            [np.zeros(0)] + [sizes.get(part.name, 0.05) * rng.normal(size=part.size) for part in parts]
-        )
-        for parts in (model.x.parts, model.u.parts, model.p.parts)
+    drawn = (
+        [sizes.get(part.name, 0.05) * rng.normal(size=part.size) for part in layout.parts]
+        for layout in (model.x, model.u, model.p)
     )
+    x, u, p = (np.concatenate([np.zeros(0), *parts]) for parts in drawn)
     attitude, speed = np.r_[1, 0.1 * rng.normal(size=3)], np.array([20.0, 1.0, 1.5])
     x[model.x.slices["quaternion_wxyz"]] = attitude / np.linalg.norm(attitude)
     twist = model.x.slices["twist"]

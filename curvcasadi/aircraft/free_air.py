@@ -28,7 +28,7 @@ from curvcasadi.aero.unsteady import (
 )
 from curvcasadi.aircraft.parts import LiftingSurface, Wing
 from curvcasadi.kinematics.jacobian import to_body
-from curvcasadi.symbolic.expressions import AnyExpr, Number
+from curvcasadi.symbolic.expressions import AnyExpr, Number, instance
 
 #: Station of the airfoil data of a surface.
 MIDDLE = 0.5
@@ -63,12 +63,13 @@ class FreeAir:
         gust: Number = (0, 0, 0),
     ) -> UnsteadyAirload:
         """Airloads of a wing; the gust (3, 1) or (3, stations) is in body axes."""
+        strips = instance("Wing.strips", wing.strips, StripAerodynamics)
         return UnsteadyAirload(
-            strips=_strips(wing),
+            strips=strips,
             flow=Flow(density=self.density),
             lag=self.lag,
             states=states,
-            deflections={name: deflections[name] for name in _strips(wing).inputs},
+            deflections={name: deflections[name] for name in strips.inputs},
             gust=gust,
             entry=self.entry,
             induced_flow=self.induced_flow,
@@ -92,11 +93,6 @@ def strip_points(part: Wing | LiftingSurface) -> tuple[float, ...]:
     if isinstance(part, LiftingSurface):
         return (MIDDLE,)
     return () if part.strips is None else tuple(at.xi for at in air_stations(part.strips))
-
-
-def _strips(wing: Wing) -> StripAerodynamics:
-    assert wing.strips is not None
-    return wing.strips
 
 
 def surface_function(surface: LiftingSurface, air: FreeAir, name: str) -> ca.Function:

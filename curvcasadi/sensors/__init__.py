@@ -2,28 +2,21 @@
 
 from curvcasadi.kinematics.root_motion import RootMotion as RootMotion
 from curvcasadi.sensors.channels import Channels as Channels, sensor_channels
-from curvcasadi.sensors.kinds import (
-    Accelerometer,
-    AttitudeSensor,
-    Camera,
-    Magnetometer,
-    Marker,
-    RateGyro,
-    ShearGauge,
-    StrainGauge,
-)
+from curvcasadi.sensors.frames import Frames as Frames, Mount as Mount, point as point
+from curvcasadi.sensors.gauges import ShearGauge, StrainGauge
 from curvcasadi.sensors.measurement import (
     Measurement as Measurement,
     measure,
     measurement_function,
     measurement_residual,
 )
-from curvcasadi.sensors.sensor import (
-    CurvatureSensor as CurvatureSensor,
-    Frames as Frames,
-    Mount as Mount,
-    Sensor,
-    point as point,
+from curvcasadi.sensors.optical import Camera, Marker
+from curvcasadi.sensors.sensor import CurvatureSensor as CurvatureSensor, Sensor
+from curvcasadi.sensors.strapdown import (
+    Accelerometer,
+    AttitudeSensor,
+    Magnetometer,
+    RateGyro,
 )
 
 __all__ = [

@@ -14,7 +14,7 @@ from curvcasadi.beam.pose import Pose
 from curvcasadi.kinematics.root_motion import ROOT_INPUTS, RootMotion, numeric_root
 from curvcasadi.kinematics.shape import poses
 from curvcasadi.sensors.channels import Channels, checked_sensors, sensor_channels
-from curvcasadi.sensors.kinds import WIDEST, Camera
+from curvcasadi.sensors.optical import WIDEST, Camera
 from curvcasadi.sensors.readout import Readout
 from curvcasadi.sensors.sensor import Sensor
 from curvcasadi.symbolic.expressions import (

@@ -18,8 +18,7 @@ The attitude of the parent is varied on the right, C exp(φ), φ in parent axes.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from types import SimpleNamespace
-from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
@@ -27,6 +26,7 @@ import numpy as np
 from curvcasadi.beam.pose import Pose, checked_pose
 from curvcasadi.kinematics.state import StationMotion
 from curvcasadi.lie import so3
+from curvcasadi.sensors.frames import Frames, Mount
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
@@ -44,21 +44,6 @@ from curvcasadi.symbolic.expressions import (
 XYZ = ("x", "y", "z")
 #: Shapes at which a sensor of curvature may read zero.
 REFERENCES = ("unloaded", "straight")
-
-
-class Frames(NamedTuple):
-    """The parent in inertial axes, the root in the parent, and what the world is like."""
-
-    attitude: Any  #: C (3, 3), parent to inertial
-    position: Any  #: of the parent, inertial axes
-    root_rotation: Any  #: R_0 (3, 3), root to parent
-    root_position: Any  #: p_0, parent axes
-    twist: Any  #: of the root, root axes
-    world: Any  #: gravity or magnetic field (3, 1), inertial axes
-
-
-#: Fields of a sensor that its reading depends on, by name; a pose as (R, p), (3, 4).
-Mount: TypeAlias = SimpleNamespace
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -365,32 +350,3 @@ def positive_numbers(where: str, value: Number, size: int) -> Array:
     for entry in array:
         positive(where, entry)
     return np.array(np.broadcast_to(array, (size,)))
-
-
-def sensor_axes(at: StationMotion, mount: Mount) -> Any:
-    """Root to sensor axes."""
-    return mount.mounting.T @ at.rotation.T
-
-
-def point(at: StationMotion, offset: Any) -> tuple[Any, Any, Any]:
-    """Position, velocity and acceleration of a material point."""
-    omega, alpha = so3.hat(at.twist[:3]), so3.hat(at.acceleration[:3])
-    position = at.position + at.rotation @ offset
-    velocity = at.twist[3:] + omega @ position
-    return position, velocity, at.acceleration[3:] + alpha @ position + omega @ velocity
-
-
-def world_in_parent(frames: Frames) -> Any:
-    """Gravity or magnetic field in parent axes."""
-    return frames.attitude.T @ frames.world
-
-
-def point_in_parent(at: StationMotion, frames: Frames, mount: Mount) -> Any:
-    point = at.position + at.rotation @ mount.offset
-    return frames.root_position + frames.root_rotation @ point
-
-
-def point_in_parent_by_q(at: StationMotion, frames: Frames, mount: Mount) -> Any:
-    a, b = at.sums[0]
-    point = at.position + at.rotation @ mount.offset
-    return frames.root_rotation @ (b - so3.hat(point) @ a)

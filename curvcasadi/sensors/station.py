@@ -10,7 +10,8 @@ import casadi as ca
 from curvcasadi.kinematics.motion import unpack_motion
 from curvcasadi.kinematics.state import StateLayout, StationMotion
 from curvcasadi.lie import so3
-from curvcasadi.sensors.sensor import Frames, Mount, Sensor
+from curvcasadi.sensors.frames import Frames, Mount
+from curvcasadi.sensors.sensor import Sensor
 
 _FRAMES = (9, 3, 9, 3, 6, 3)
 

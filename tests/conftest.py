@@ -32,6 +32,7 @@ SLOW = {
     "solvers/test_qp.py",
     "solvers/test_sqp.py",
     "control/test_simulation.py",
+    "symbolic/test_batch.py",
 }
 TESTS = Path(__file__).parent
 REFERENCE = Path(__file__).parent / "reference"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import ctypes
 import os
 import re
 import shutil
@@ -68,7 +69,7 @@ def compile_function(
     instance("f", f, ca.Function)
     choice("real", real, ("double",))
     choice("derivatives", derivatives, (0, 1, 2))
-    _refuse_foreign(f)
+    refuse_foreign(f)
     if shutil.which(compiler) is None:
         warnings.warn(
             f"compile_function: found no {compiler!r} on the PATH, so {f.name()!r} stays in "
@@ -76,14 +77,11 @@ def compile_function(
             stacklevel=2,
         )
         return f
-    import hashlib
-
     levels = [f]
     for _ in range(derivatives):
         levels.append(levels[-1].jacobian())
     source = _source(levels)
-    key = hashlib.sha256("\0".join([source, *_LIBRARY, _identity(compiler)]).encode()).hexdigest()
-    library = _folder() / f"{key[:40]}.so"
+    library = _path(source, _LIBRARY, compiler)
     if not library.exists():
         _build(source, library, compiler)
     try:
@@ -131,7 +129,8 @@ def run(command: Sequence[str], folder: str | Path = ".") -> str:
     return done.stdout
 
 
-def _refuse_foreign(f: ca.Function) -> None:
+def refuse_foreign(f: ca.Function) -> None:
+    """Refuse free symbols, and parts that are no C of their own."""
     if f.has_free():
         raise ValueError(f"f: {f.name()!r} has free symbols {f.get_free()}; make each one an input")
     for part in [f, *f.find_functions()]:
@@ -179,11 +178,38 @@ def _loaded(levels: Sequence[ca.Function], library: Path) -> ca.Function:
     return ca.Function(f.name(), inputs, outputs, f.name_in(), f.name_out(), options)
 
 
-def _build(source: str, library: Path, compiler: str) -> None:
+def loaded(source: str, options: Sequence[str], compiler: str, ending: str) -> ctypes.CDLL:
+    """The library of a `source` in a file of this `ending`, out of the cache or made for it."""
+    library = _path(source, options, compiler)
+    if not library.exists():
+        _build(source, library, compiler, options, ending)
+    try:
+        return ctypes.CDLL(str(library))
+    except OSError:  # a file that was damaged since
+        _build(source, library, compiler, options, ending)
+        return ctypes.CDLL(str(library))
+
+
+def _path(source: str, options: Sequence[str], compiler: str) -> Path:
+    """Where the cache has the library of a source."""
+    import hashlib
+
+    key = hashlib.sha256("\0".join([source, *options, _identity(compiler)]).encode()).hexdigest()
+    return _folder() / f"{key[:40]}.so"
+
+
+def _build(
+    source: str,
+    library: Path,
+    compiler: str,
+    options: Sequence[str] = _LIBRARY,
+    ending: str = "c",
+) -> None:
     """Compile beside the cache, then rename: other processes see a whole library or none."""
     with tempfile.TemporaryDirectory(dir=library.parent, prefix="build-") as folder:
-        Path(folder, "native.c").write_text(source)
-        compile_c(["native.c"], "native.so", _LIBRARY, folder=folder, compiler=compiler)
+        name = f"native.{ending}"
+        Path(folder, name).write_text(source)
+        compile_c([name], "native.so", options, folder=folder, compiler=compiler)
         os.replace(Path(folder, "native.so"), library)
 
 

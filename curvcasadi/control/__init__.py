@@ -2,6 +2,7 @@
 
 from curvcasadi.control.aircraft_model import aircraft_model
 from curvcasadi.control.beam_model import beam_model
+from curvcasadi.control.damping import modal_damping
 from curvcasadi.control.error_state import difference, retract
 from curvcasadi.control.flutter import Flutter, flutter
 from curvcasadi.control.kinematic_model import kinematic_model
@@ -24,6 +25,7 @@ __all__ = [
     "flutter",
     "kinematic_model",
     "linearize",
+    "modal_damping",
     "retract",
     "rk4_step",
     "second_order_model",

@@ -3,30 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 
 from curvcasadi.beam.beam import Beam
+from curvcasadi.control.damping import damping_matrix
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
-from curvcasadi.dynamics import inverse_dynamics, inverse_dynamics_function, mass_matrix
+from curvcasadi.dynamics import (
+    inverse_dynamics,
+    inverse_dynamics_function,
+    mass_matrix,
+    root_wrench_function,
+    system,
+)
+from curvcasadi.dynamics.inverse import root_wrench
 from curvcasadi.kinematics.pose_function import tip_function
 from curvcasadi.kinematics.shape import curvature
 from curvcasadi.statics.energy import stiffness_matrix
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Number,
+    choice,
     instance,
-    is_numeric,
-    numbers,
+    sequence,
     station,
 )
-from curvcasadi.symbolic.functions import free_symbols
+from curvcasadi.symbolic.functions import free_symbols, identities
 from curvcasadi.symbolic.layout import Layout, Part
 
 #: Stations of the curvatures among the outputs, unless others are asked for.
 CURVATURE_STATIONS = (0.0, 0.25, 0.5, 0.75, 1.0)
+#: Names and units of the outputs, in their order.
+OUTPUTS = {
+    "position": "m",
+    "rotation": "1",
+    "curvature": "rad/m",
+    "root_moment": "N m",
+    "root_force": "N",
+}
+#: Those that follow the accelerations of the weights.
+_ACCELERATED = ("root_moment", "root_force")
 CSE = {"cse": True}
 
 
@@ -37,6 +56,7 @@ def beam_model(
     parameters: Mapping[str, ca.MX] | None = None,
     damping: Number = 0.0,
     *,
+    outputs: Sequence[str] = tuple(OUTPUTS),
     curvature_stations: Sequence[float] = CURVATURE_STATIONS,
     name: str = "beam",
 ) -> ControlModel:
@@ -44,9 +64,18 @@ def beam_model(
 
         M(q) q_ddot + bias(q, q_dot) + C q_dot + S q = Q(q, loads)
 
-    The state is q, rad/m, bounded by `Beam.weight_bounds`, and q_dot. The outputs are position (3),
-    m, and rotation (9, by columns) of the tip, local to parent, and curvature (K_x, K_y, K_z at
-    each of `curvature_stations`), rad/m, local axes.
+    The state is q, rad/m, bounded by `Beam.weight_bounds`, and q_dot. The outputs are known by
+    their names:
+
+    ============  ==============================================================================
+    position      3, m: the tip, parent axes
+    rotation      9: the tip, local to parent, by columns
+    curvature     K_x, K_y, K_z at each of `curvature_stations`, rad/m, local axes
+    root_moment   3, N m: what the beam hands on to its root, about the root station, root axes
+    root_force    3, N, likewise
+    ============  ==============================================================================
+
+    The last two solve the equations of motion: leave them out where time counts.
 
     Parameters
     ----------
@@ -58,8 +87,10 @@ def beam_model(
         Symbols in loads and fields by the name of their part of u or p.
     damping : float or array, shape (n, n)
         The time β, s, of stiffness-proportional damping C = β S, which is exact Kelvin–Voigt
-        damping here and gives a mode of frequency ω the damping ratio β ω/2; or C itself, N m² s,
-        as `modal_damping` makes it.
+        damping here and gives a mode of frequency ω the damping ratio β ω/2; or C itself, N m³ s,
+        as `modal_damping` makes it of the damping ratios of modes.
+    outputs : sequence of str
+        Names of the outputs that are wanted; all unless given. They stand in the order above.
     curvature_stations : sequence of float
         Stations s/L in [0, 1].
     name : str
@@ -76,13 +107,14 @@ def beam_model(
         If a symbol is neither an input nor a parameter, or as `inverse_dynamics`.
     """
     n = instance("beam", beam, Beam).basis.n
+    wanted = [choice("outputs", key, OUTPUTS) for key in sequence("outputs", outputs)]
     inputs, parameters = dict(inputs or {}), dict(parameters or {})
     symbols = _symbols(inputs, parameters)
     listed = list(parameters.values())
     states = [ca.MX.sym(key, n) for key in ("q", "q_dot", "q_ddot")]
     q, q_dot, q_ddot = states
     stiffness = ca.MX(ca.densify(stiffness_matrix(beam)))
-    matrix = _damping(damping, n, stiffness)
+    matrix = damping_matrix(damping, n, stiffness)
     force = inverse_dynamics(beam, q, q_dot, q_ddot, loads) + matrix @ q_dot
     matrices = [ca.MX(ca.densify(mass_matrix(beam, q, loads))), matrix, stiffness]
     _refuse_unnamed(force, [*states, *symbols.values()], "an input or a parameter")
@@ -120,19 +152,30 @@ def beam_model(
             ["mass", "damping", "stiffness"],
         ),
     )
-    outputs = _outputs(beam, state["q"], curvature_stations)
-    y = Layout(tuple(Part(key, value.numel(), unit) for key, (value, unit) in outputs.items()))
-    stacked = y.join({key: value for key, (value, _) in outputs.items()})
-    return second_order_model(
+    model = second_order_model(
         name=name,
         x=x_layout,
         u=u_layout,
         p=p_layout,
-        y=y,
+        y=Layout(()),
         motion=motion,
-        output=ca.Function(f"{name}_output", [x, u, p], [stacked], ["x", "u", "p"], ["y"]),
+        output=ca.Function(f"{name}_nothing", [x, u, p], [ca.MX(0, 1)]),
         real=beam.grid.real,
     )
+    of_shape = _shape_outputs(f"{name}_shape", beam, curvature_stations, wanted, symbols)
+    named = dict(zip(symbols, [*u_values, *p_values], strict=True))
+    values = of_shape.call({"q": state["q"], **named})
+    if not set(wanted).isdisjoint(_ACCELERATED):
+        acceleration = model.xdot(x, u, p)[n:]
+        wrench = _root_wrench(f"{name}_root_wrench", beam, loads, symbols)(
+            state["q"], state["q_dot"], acceleration, *u_values, *p_values
+        )
+        values |= {"root_moment": wrench[:3], "root_force": wrench[3:]}
+    chosen = [key for key in OUTPUTS if key in wanted]
+    y = Layout(tuple(Part(key, values[key].numel(), OUTPUTS[key]) for key in chosen))
+    stacked = ca.vertcat(ca.MX(0, 1), *(values[key] for key in chosen))
+    output = ca.Function(f"{name}_output", [x, u, p], [stacked], ["x", "u", "p"], ["y"])
+    return replace(model, y=y, output=output)
 
 
 def _symbols(inputs: Mapping[str, Any], parameters: Mapping[str, Any]) -> dict[str, ca.MX]:
@@ -153,20 +196,6 @@ def _refuse_unnamed(value: AnyExpr, known: list[ca.MX], expected: str) -> None:
         raise ValueError(f"{missing[0]}: expected {expected}, found a symbol that is not named")
 
 
-def _damping(value: Number, n: int, stiffness: ca.MX) -> ca.MX:
-    """C of a number β, C = β S, or of C itself."""
-    if not is_numeric(value):
-        matrix = value * stiffness if value.numel() == 1 else value
-    else:
-        array = numbers("damping", value)
-        if array.size == 1 and not float(array.ravel()[0]) >= 0:
-            raise ValueError(f"damping: expected a time of at least zero, s, found {array}")
-        matrix = float(array.ravel()[0]) * stiffness if array.size == 1 else ca.MX(ca.DM(array))
-    if matrix.shape != (n, n):
-        raise ValueError(f"damping: expected a number or a matrix ({n}, {n}), found {matrix.shape}")
-    return ca.densify(matrix)
-
-
 def _layout(named: Mapping[str, ca.MX]) -> Layout:
     return Layout(tuple(Part(key, symbol.numel(), "SI") for key, symbol in named.items()))
 
@@ -177,13 +206,35 @@ def _unstack(named: Mapping[str, ca.MX], layout: Layout, vector: ca.MX) -> list[
     return [ca.reshape(parts[key], *symbol.shape) for key, symbol in named.items()]
 
 
-def _outputs(beam: Beam, q: ca.MX, stations: Sequence[float]) -> dict[str, tuple[ca.MX, str]]:
-    """Values and units of the outputs by name."""
-    position, rotation = tip_function(beam)(q)
-    stations = [station("curvature_stations", xi) for xi in stations]
-    curvatures = ca.veccat(*(curvature(beam, q, xi) for xi in stations))
-    return {
-        "position": (position, "m"),
-        "rotation": (ca.vec(rotation), "1"),
-        "curvature": (curvatures, "rad/m"),
-    }
+def _shape_outputs(
+    name: str,
+    beam: Beam,
+    stations: Sequence[float],
+    wanted: Sequence[str],
+    symbols: Mapping[str, ca.MX],
+) -> ca.Function:
+    """(q, inputs and parameters …) -> the outputs that follow the shape alone, by name."""
+    q = ca.MX.sym("q", beam.basis.n)
+    values: dict[str, ca.MX] = {}
+    if not {"position", "rotation"}.isdisjoint(wanted):
+        own = set(identities(beam.design_symbols.values()))
+        design = {key: x for key, x in symbols.items() if own & set(identities([x]))}
+        position, rotation = tip_function(beam, parameters=design)(q, *design.values())
+        values |= {"position": position, "rotation": ca.vec(rotation)}
+    if "curvature" in wanted:
+        places = [station("curvature_stations", xi) for xi in stations]
+        values["curvature"] = ca.veccat(*(curvature(beam, q, xi) for xi in places))
+    return ca.Function(
+        name, [q, *symbols.values()], [*values.values()], ["q", *symbols], [*values], CSE
+    )
+
+
+def _root_wrench(
+    name: str, beam: Beam, loads: Sequence[Any], symbols: Mapping[str, ca.MX]
+) -> ca.Function:
+    """(q, q_dot, q_ddot, inputs and parameters …) -> wrench, derivatives structured if possible."""
+    if not beam.design_symbols:
+        return root_wrench_function(beam, loads, symbols, name=name)
+    states = {key: ca.MX.sym(key, beam.basis.n) for key in ("q", "q_dot", "q_ddot")}
+    wrench = root_wrench(system.build(beam, loads, None, states), *states.values())
+    return ca.Function(name, [*states.values(), *symbols.values()], [wrench], CSE)

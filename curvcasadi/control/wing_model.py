@@ -21,6 +21,7 @@ from curvcasadi.aero.unsteady import (
 from curvcasadi.aircraft.parts import Wing
 from curvcasadi.beam.pose import Pose
 from curvcasadi.control.beam_model import CURVATURE_STATIONS
+from curvcasadi.control.damping import damping_matrix
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
 from curvcasadi.control.wing_outputs import (
@@ -42,7 +43,6 @@ from curvcasadi.symbolic.expressions import (
     choice,
     function_name,
     instance,
-    numbers,
     positive,
     sequence,
     station,
@@ -105,8 +105,9 @@ def wing_model(
         Lag of the circulation; None for circulation that follows at once.
     induced_flow : LiftingLine or None
         A frozen lifting line, or none.
-    damping : float
-        The time β, s, of stiffness-proportional damping C = β S.
+    damping : float or array, shape (n, n)
+        The time β, s, of stiffness-proportional damping C = β S, or C itself, as `modal_damping`
+        makes it.
     gust : GustEntry or None
         With one p["gust"] is an upward gust, m/s, which enters the strips as it says.
     outputs : sequence of str
@@ -182,8 +183,7 @@ def wing_model(
     )
     u = Layout(tuple(Part(key, 1, "rad") for key in inputs))
     p = Layout(tuple(Part(key, 1, _UNITS[key]) for key in parameters))
-    beta = float(numbers("damping", damping))
-    motion = _equations(name, wing, forces, rates, load, (x, u, p), beta)
+    motion = _equations(name, wing, forces, rates, load, (x, u, p), damping)
     model = second_order_model(
         name=name,
         x=x,
@@ -210,21 +210,20 @@ def _equations(
     rates: ca.Function | None,
     load: UnsteadyAirload,
     layouts: tuple[Layout, Layout, Layout],
-    damping: float,
+    damping: Number,
 ) -> SecondOrder:
     """The equations of motion from the Functions of forces and of the rates of lag states."""
-    if damping < 0:
-        raise ValueError(f"damping: expected a time of at least zero, s, found {damping}")
     x_layout, u_layout, p_layout = layouts
     beam, n = wing.beam, wing.beam.basis.n
     stiffness = ca.MX(ca.densify(stiffness_matrix(beam)))
+    matrix = damping_matrix(damping, n, stiffness)
     x, a = ca.MX.sym("x", x_layout.size), ca.MX.sym("acceleration", n)
     u, p = ca.MX.sym("u", u_layout.size), ca.MX.sym("p", p_layout.size)
     state = x_layout.split(x)
     others = [state["lag"]] if "lag" in state else []
     others += [*u_layout.split(u).values(), *p_layout.split(p).values()]
     balance = forces(state["q"], state["q_dot"], a, *others)
-    balance += damping * (stiffness @ state["q_dot"])
+    balance += matrix @ state["q_dot"]
     loads = [load, *wing.loads]
     mass = mass_matrix(beam, state["q"], loads) + apparent_mass_matrix(
         beam, state["q"], load, inertial_mesh(beam, loads).stations
@@ -244,7 +243,7 @@ def _equations(
         matrices=ca.Function(
             f"{name}_matrices",
             [x, p],
-            [mass, damping * stiffness, stiffness],
+            [mass, matrix, stiffness],
             ["x", "p"],
             ["mass", "damping", "stiffness"],
         ),

@@ -108,9 +108,7 @@ def root_wrench_function(
     """
     made = _prepare(beam, loads, parameters, root, form, name, ("q", "q_dot", "q_ddot"))
     to_root = made.system.from_parent
-    value = -to_root @ inverse.parent_wrench(
-        made.system, inverse.balance(made.system, *made.states)
-    )
+    value = inverse.root_wrench(made.system, *made.states)
     _refuse_free(value, made.inputs)
     stacked = made.kind(0, 1) if made.stacked is None else made.stacked
     found = differentiate(made.system, *made.states, root=True, parameters=stacked)

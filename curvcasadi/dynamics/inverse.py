@@ -86,3 +86,8 @@ def parent_wrench(built: System, found: Balance) -> AnyExpr:
     mask, inertias = built.inertias
     wrench = found.wrench + recursion.at_station(mask)(found.motion, inertias[0])
     return built.to_parent(wrench if found.load is None else wrench - found.load)
+
+
+def root_wrench(built: System, q: AnyExpr, q_dot: AnyExpr, q_ddot: AnyExpr) -> AnyExpr:
+    """Wrench (moment, force), (6, 1), that the beam hands on to its root; root axes and station."""
+    return -built.from_parent @ parent_wrench(built, balance(built, q, q_dot, q_ddot))

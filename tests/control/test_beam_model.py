@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 import curvcasadi as cc
 from curvcasadi.dynamics.inertia import inertial_mesh, station_inertias
 from curvcasadi.reference_wings import hale_wing
+from curvcasadi.statics.balance import root_wrench
 
 GRAVITY = cc.Gravity([0, 0, 9.80665])
 
@@ -104,6 +105,76 @@ def test_damping_ratios_are_those_of_kelvin_and_voigt(wing):
     ratios = -oscillating.real / np.abs(oscillating)
     assert len(below) >= 4
     assert_allclose(np.sort(ratios)[: len(below)], beta * below / 2, rtol=1e-9)
+
+
+def test_modes_have_the_damping_ratios_that_were_asked_for(wing):
+    """About a bent equilibrium, where loads add stiffness of their own."""
+    loads, ratios = [GRAVITY, cc.PointForce(1.0, [0, 0, -80.0])], [0.02, 0.005]
+    q = cc.solve_equilibrium(wing, loads).q.full().ravel()
+    damping = cc.modal_damping(wing, ratios, q, loads)
+    model = cc.beam_model(wing, loads, damping=damping, outputs=["position"])
+    found = cc.linearize(model, {"q": q}).eigenvalues
+    upper = found[found.imag > 0]
+    upper = upper[np.argsort(np.abs(upper))]
+    assert_allclose(-upper.real / np.abs(upper), [0.02, *[0.005] * 5], rtol=1e-7)
+    assert_allclose(np.abs(upper), cc.natural_frequencies(wing, q, loads), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "ratios, options, message",
+    [
+        (-0.1, {}, r"ratios: expected numbers of at least zero, found -0.1"),
+        ([0.1] * 7, {}, r"ratios: expected 1 to 6 numbers, found shape \(7,\)"),
+        ([], {}, r"ratios: expected 1 to 6 numbers"),
+        ("much", {}, r"ratios: expected numbers"),
+        (0.1, {"root": cc.RootMotion(twist=[0, 0, 9, 0, 0, 0])}, r"loads, root: expected modes w"),
+    ],
+)
+def test_wrong_damping_ratios_are_refused(wing, ratios, options, message):
+    with pytest.raises(ValueError, match=message):
+        cc.modal_damping(wing, ratios, **options)
+
+
+def test_the_root_carries_what_newton_says(wing, model):
+    """Force = loads − d²/dt² Σ m p, the mass moment by the potential in each direction."""
+    q = ca.MX.sym("q", 6)
+    moments = [cc.potential_energy(wing, q, [cc.Gravity(-axis)]) for axis in np.eye(3)]
+    moment = ca.vertcat(*moments) - cc.strain_energy(wing, q)
+    slope = ca.jacobian(moment, q)
+    rate, acceleration = ca.MX.sym("rate", 6), ca.MX.sym("acceleration", 6)
+    second = slope @ acceleration + ca.jtimes(slope @ rate, q, rate)
+    f = ca.Function("second", [q, rate, acceleration], [second])
+    xdot = model.xdot(X, FORCE, 2e4)
+    mass = 16 * 0.75
+    expected = np.array([0, 0, mass * 9.80665]) + FORCE - f(X[:6], X[6:], xdot[6:]).full().ravel()
+    y = model.y.split(model.output(X, FORCE, 2e4))
+    assert_allclose(wing.root.rotation @ y["root_force"], expected[:, None], rtol=1e-9)
+
+
+def test_at_rest_the_root_carries_the_loads(wing, model):
+    loads = [GRAVITY, cc.PointForce(1.0, FORCE)]
+    q = cc.solve_equilibrium(wing, loads).q
+    y = model.y.split(model.output(ca.vertcat(q, ca.DM.zeros(6)), FORCE, 2e4))
+    total = ca.vertcat(y["root_moment"], y["root_force"])
+    expected = root_wrench(wing, q, loads)  # about the parent origin, where the root is
+    turned = ca.diagcat(wing.root.rotation, wing.root.rotation) @ total
+    assert_allclose(turned, expected, atol=1e-9 * float(ca.norm_inf(expected)))
+
+
+def test_only_outputs_that_are_wanted_are_there(wing):
+    few = cc.beam_model(wing, outputs=["root_force", "position"])
+    assert [part.name for part in few.y.parts] == ["position", "root_force"]
+    assert cc.beam_model(wing, outputs=[]).output(np.zeros(12), [], []).shape == (0, 1)
+    with pytest.raises(ValueError, match=r"outputs: expected one of 'position'.*found 'tip'"):
+        cc.beam_model(wing, outputs=["tip"])
+
+
+def test_outputs_of_a_wing_whose_length_is_a_parameter(wing):
+    length = ca.MX.sym("length")
+    model = cc.beam_model(replace(wing, length=length), [GRAVITY], parameters={"length": length})
+    fixed = cc.beam_model(wing, [GRAVITY])
+    found, expected = model.output(X, [], 16.0), fixed.output(X, [], [])
+    assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
 def potential(wing, q):

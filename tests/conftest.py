@@ -93,7 +93,7 @@ def wing():
     return make
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def published():
     """Maker of a published case by the beginning of its file name."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from typing import cast, overload
+from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -58,12 +59,25 @@ def stiffness_matrix(beam: Beam) -> AnyExpr:
     Integrated to 1e-11 on panels between the breaks and knots of basis and section, independent of
     the grid; a narrow function or table makes them as small as it needs.
     """
+    if beam in _NUMBERS:
+        return ca.DM(_NUMBERS[beam])
     if not isinstance(beam.section, Section):
         raise ValueError("Beam.section: expected a Section with stiffness, found None")
-    stiffness = beam.section.stiffness
+    matrix = _integrated(beam, beam.section)
+    if isinstance(matrix, ca.DM):
+        _NUMBERS[beam] = ca.DM(matrix)
+    return matrix
+
+
+#: Stiffness of beams without symbols, as long as these live.
+_NUMBERS: WeakKeyDictionary[Beam, ca.DM] = WeakKeyDictionary()
+
+
+def _integrated(beam: Beam, section: Section) -> AnyExpr:
+    stiffness = section.stiffness
     points = _points(beam)
     phi = [beam.basis(float(xi)) for xi in points.xi]
-    if not beam.section.stiffness_varies:
+    if not section.stiffness_varies:
         gram = np.einsum("p,pik,pjl->ijkl", points.weights, phi, phi)
         constant = stiffness(0.5)
         sums = [

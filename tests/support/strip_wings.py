@@ -1,11 +1,15 @@
-"""Published wings in unsteady strip flow: those of cases D09 and D12."""
+"""Published wings in unsteady strip flow: those of cases D09, D12, D15 and D16."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 import curvcasadi as cc
 from curvcasadi.reference_wings import RIGHT_WING_ROOT
+
+ROOT = cc.Pose(rotation=RIGHT_WING_ROOT.rotation, position=[0, 0, 0])
 
 
 def strip_wing(beam, chord, ahead, **fields):
@@ -44,6 +48,45 @@ def goland(weights=(5, 5, 0), elements=8):
     return strip_wing(_beam(6.096, section, weights, elements), chord, 0.08 * chord)
 
 
+def pazy(case, beam, *, varying=True, suction=1.0):
+    """The Pazy wing of D15 on its beam; the coefficients of its strips vary, or the slope is 2 π."""
+    chord, span = 0.0989, beam.length
+    (table,) = (v for k, v in case["aero"].items() if k.startswith("strip_theory_coefficients"))
+    at, *columns = np.transpose(table)
+    slopes = {"lift_slope": 2 * np.pi}
+    if varying:
+        slopes = {
+            name: lambda xi, values=values: float(np.interp(xi * span, at, values))
+            for name, values in zip(("lift_slope", "moment_slope"), columns, strict=True)
+        }
+    strips = cc.StripAerodynamics(
+        chord=chord,
+        aerodynamic_center=(0.44096 - 0.25) * chord,
+        suction=suction,
+        stations=8,
+        **slopes,
+    )
+    return cc.Wing(name="pazy", beam=beam, strips=strips)
+
+
+def tang_dowell(case, weights=(3, 5, 4), elements=6):
+    """The wing of D16, whose tip store is slender along the chord."""
+    data, chord = case["section"], 0.0508
+    polar, rotary, store = (data[k] for k in ("polar_per_length", "rotary about y", "tip_store"))
+    section = cc.Section(
+        GJ=data["GJ"],
+        EI_y=data["EI_out_of_plane"],
+        EI_z=data["EI_in_plane"],
+        mass_per_length=data["mass_per_length"],
+        inertia=np.diag([polar, rotary, polar - rotary]),
+        center_of_mass=[0, 0, 0.01 * chord],
+    )
+    inertia = np.diag([store["Izz"], store["Iyy"], store["Izz"]])
+    tip = cc.Body(xi=1.0, mass=store["mass"], inertia=inertia)
+    beam = replace(_beam(0.4508, section, weights, elements), bodies=(tip,))
+    return strip_wing(beam, chord, chord / 4)
+
+
 def _beam(length, section, weights, elements):
     names = ("torsion", "out_of_plane", "in_plane")
     return cc.Beam(
@@ -53,5 +96,5 @@ def _beam(length, section, weights, elements):
         ),
         grid=cc.Grid.lobatto(elements),
         section=section,
-        root=cc.Pose(rotation=RIGHT_WING_ROOT.rotation, position=[0, 0, 0]),
+        root=ROOT,
     )

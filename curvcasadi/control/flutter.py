@@ -23,6 +23,7 @@ from curvcasadi.control.roots import (
     followed,
     reordered,
     scaled,
+    summits,
 )
 from curvcasadi.control.signals import increasing, stacked
 from curvcasadi.control.steady import SteadyStates
@@ -122,8 +123,9 @@ def flutter(
     -------
     Flutter
         Speeds of flutter and divergence between the first and the last of `speeds`, found to 1e-9,
-        and the roots at all of them. What happens between two speeds and is over at the second one
-        is not seen. Where an equilibrium is missing the sweep ends: see `success` and `message`.
+        and the roots at all of them. Growth between two speeds that is over at the second one is
+        seen only where damping, a parabola through three speeds, lets it be expected. Where an
+        equilibrium is missing the sweep ends: see `success` and `message`.
 
     Raises
     ------
@@ -158,7 +160,7 @@ def flutter(
         points.append(followed(points[-1], point))
     onset, divergence, success = None, None, len(points) == len(grid)
     try:
-        onset = _crossing(sweep, points, lambda point: point.growth - GROWTH)
+        onset = _crossing(sweep, _with_summits(sweep, points), lambda point: point.growth - GROWTH)
         divergence = _crossing(sweep, points, sweep.singularity(points[0]), both=True)
     except _LostError as lost:
         message, success = f"{lost} between two of the speeds; {message}", False
@@ -241,6 +243,14 @@ def _first(sweep: _Sweep, speed: float) -> Point:
         )
     real, imaginary = point.roots.real, point.roots.imag
     return reordered(point, np.lexsort((imaginary < 0, np.abs(real), np.abs(imaginary))))
+
+
+def _with_summits(sweep: _Sweep, points: list[Point]) -> list[Point]:
+    """The points and those between them at which a mode may grow."""
+    added = [sweep.at(speed, points) for speed in summits(points)]
+    return sorted(
+        [*points, *(point for point in added if point is not None)], key=lambda point: point.speed
+    )
 
 
 def _crossing(

@@ -33,19 +33,20 @@ class Point(NamedTuple):
     right: Array
 
     @property
+    def growths(self) -> Array:
+        """Re λ/|λ| of each root, −1 of those that do not oscillate."""
+        size = np.maximum(np.abs(self.roots), np.finfo(float).tiny)
+        return np.where(self.roots.imag > OSCILLATING * size, self.roots.real / size, -1.0)
+
+    @property
     def growth(self) -> float:
         """Largest Re λ/|λ| of oscillations."""
-        return float(np.max(self._growths, initial=-1.0))
+        return float(np.max(self.growths, initial=-1.0))
 
     @property
     def growing(self) -> int:
         """The oscillation that grows most."""
-        return int(np.argmax(self._growths))
-
-    @property
-    def _growths(self) -> Array:
-        size = np.maximum(np.abs(self.roots), np.finfo(float).tiny)
-        return np.where(self.roots.imag > OSCILLATING * size, self.roots.real / size, -1.0)
+        return int(np.argmax(self.growths))
 
 
 def extrapolated(known: list[Point], speed: float) -> Array:
@@ -56,6 +57,27 @@ def extrapolated(known: list[Point], speed: float) -> Array:
         weight = np.prod([(speed - v) / (point.speed - v) for v in others])
         total += weight * point.x
     return total
+
+
+def summits(points: list[Point]) -> list[float]:
+    """Speeds at which a mode may grow between points where it does not.
+
+    Those are the summits of parabolas through three growths of a followed mode, where they are
+    above zero and the growths are not.
+    """
+    found = []
+    for before, at, after in zip(points, points[1:], points[2:], strict=False):
+        left, right = before.speed - at.speed, after.speed - at.speed
+        for low, mid, high in zip(before.growths, at.growths, after.growths, strict=True):
+            if min(low, mid, high) == -1.0 or not max(low, high) <= mid <= 0:
+                continue
+            # growth = mid + slope v + bend v²
+            slopes = (low - mid) / left, (high - mid) / right
+            bend = (slopes[1] - slopes[0]) / (right - left)
+            slope = slopes[0] - bend * left
+            if bend < 0 and mid - slope**2 / (4 * bend) > 0:
+                found.append(at.speed - slope / (2 * bend))
+    return found
 
 
 def followed(before: Point, after: Point) -> Point:

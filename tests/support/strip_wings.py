@@ -49,7 +49,7 @@ def goland(weights=(5, 5, 0), elements=8):
 
 
 def pazy(case, beam, *, varying=True, suction=1.0):
-    """The Pazy wing of D15 on its beam; the coefficients of its strips vary, or the slope is 2 π."""
+    """The Pazy wing of D15 on its beam, with strips whose coefficients vary, or thin airfoils."""
     chord, span = 0.0989, beam.length
     (table,) = (v for k, v in case["aero"].items() if k.startswith("strip_theory_coefficients"))
     at, *columns = np.transpose(table)

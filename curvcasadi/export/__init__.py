@@ -2,6 +2,7 @@
 
 from curvcasadi.export.c_function import CFunction
 from curvcasadi.export.export import export_c
+from curvcasadi.export.fmu import export_fmu
 from curvcasadi.export.host import run_check as run_check
 
-__all__ = ["CFunction", "export_c"]
+__all__ = ["CFunction", "export_c", "export_fmu"]

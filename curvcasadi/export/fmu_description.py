@@ -69,12 +69,11 @@ def model_description(
     Xml.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize=repr(step))
     described = Xml.SubElement(root, "ModelVariables")
     clock = {"causality": "independent", "variability": "continuous"}
-    Xml.SubElement(described, "Float64", name="time", valueReference="0", **clock)
+    Xml.SubElement(described, "Float64", {"name": "time", "valueReference": "0", **clock})
     for group in variables.values():
         for v in group:
-            Xml.SubElement(
-                described, "Float64", name=v.name, valueReference=str(v.reference), **v.attributes
-            )
+            named = {"name": v.name, "valueReference": str(v.reference)}
+            Xml.SubElement(described, "Float64", named | v.attributes)
     structure = Xml.SubElement(root, "ModelStructure")
     for kind, key in (
         ("Output", "y"),

@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 
 from curvcasadi.beam.beam import Beam
+from curvcasadi.ocp.mpc import Mpc
 from curvcasadi.symbolic.expressions import instance, positive
 
 #: Inputs that hold weights where `export_c` is given a beam.
@@ -40,6 +41,7 @@ _WORDS = {
     "guess": "plan of the step before; zeros at first",
     "plan": "guess of the next step",
     "states": "states, one a column",
+    "slack": "excess over soft bounds, one stage a column",
     "residual": "N m², generalized force",
     VIOLATION: "largest violation over its tolerance; kept where at most 1",
     STATIONARITY: "distance from optimality over its tolerance; converged where at most 1",
@@ -174,7 +176,7 @@ class CFunction:
 
 def c_functions(functions: Any, beam: Beam | None) -> list[CFunction]:
     """`functions` as CFunctions with different names, none of them taken, nothing left free."""
-    found = [functions] if isinstance(functions, ca.Function | CFunction) else functions
+    found = [functions] if isinstance(functions, ca.Function | CFunction | Mpc) else functions
     if not isinstance(found, Iterable) or isinstance(found, str | bytes):
         found = [found]
     exported = [f if isinstance(f, CFunction) else _plain(f, beam) for f in found]
@@ -206,6 +208,8 @@ def c_functions(functions: Any, beam: Beam | None) -> list[CFunction]:
 
 
 def _plain(function: Any, beam: Beam | None) -> CFunction:
+    if isinstance(function, Mpc):
+        return CFunction(function=function.function, descriptions=function.descriptions)
     if beam is None or not isinstance(function, ca.Function):
         return CFunction(function=function)
     n = instance("beam", beam, Beam).basis.n

@@ -15,6 +15,7 @@ from curvcasadi.export import self_test, wrappers
 from curvcasadi.export.c_function import TAKEN, TAKEN_FILES, CFunction, c_functions
 from curvcasadi.export.casadi_c import generate as generated
 from curvcasadi.export.manifest import manifest
+from curvcasadi.ocp.mpc import Mpc
 from curvcasadi.symbolic.expressions import choice, function_name
 
 #: What a caller must know of static memory, by whether it is shared.
@@ -26,7 +27,7 @@ _CALLERS = {
 
 
 def export_c(
-    functions: Sequence[ca.Function | CFunction] | ca.Function | CFunction,
+    functions: Sequence[ca.Function | CFunction | Mpc] | ca.Function | CFunction | Mpc,
     directory: str | Path,
     *,
     real: Literal["double", "float"] = "double",
@@ -46,8 +47,9 @@ def export_c(
 
     Parameters
     ----------
-    functions : casadi.Function, CFunction or sequence of these
-        With different names, such as `tip_function(beam)`; a `CFunction` says more of one.
+    functions : casadi.Function, CFunction, Mpc or sequence of these
+        With different names, such as `tip_function(beam)`; a `CFunction` says more of one. Of an
+        `Mpc` a whole step is written; its last steps are compared unless others are given.
     directory : str or Path
         Folder to write into; made if it does not exist.
     real : {"double", "float"}
@@ -87,6 +89,7 @@ def export_c(
     if not isinstance(directory, str | Path):
         raise ValueError(f"directory: expected a path, found {directory!r}")
     exports = c_functions(functions, beam)
+    reference_inputs = {**_examples(functions), **(reference_inputs or {})}
     if name in {f.name for f in exports}:
         raise ValueError(f"name: expected another than that of a function, found {name!r}")
     angles = wrappers.angle_functions(exports)
@@ -121,7 +124,7 @@ def export_c(
         "CALLERS": _CALLERS[shared_buffers],
         "DEFINITIONS": "\n".join(wrappers.definition(w, shared=shared_buffers) for w in wrapped),
         "MACROS": generated.float_macros(),
-        **self_test.fields(wrapped, reference_inputs or {}),
+        **self_test.fields(wrapped, reference_inputs),
         "REAL_TYPE": f"{name}_real",  # last: within what is filled in before
     }
     texts = {
@@ -145,6 +148,14 @@ def export_c(
     for file, text in texts.items():
         (folder / file).write_text(text)
     return described
+
+
+def _examples(functions: Any) -> dict[str, Sequence[Sequence[Any]]]:
+    """Inputs of the controllers among the functions, by name."""
+    found = [functions] if isinstance(functions, Mpc) else functions
+    if not isinstance(found, Sequence):
+        return {}
+    return {f.function.name(): f.examples for f in found if isinstance(f, Mpc)}
 
 
 def _filled(template: str, fields: Mapping[str, Any]) -> str:

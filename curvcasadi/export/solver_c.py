@@ -73,9 +73,9 @@ class SolverC:
         if stages is None:
             return 0
         nr, n = stages.error.nnz_out(0), self.problem.n
-        entries = sum(len(row) for row in stages.sensitivities[-1])
+        entries = max(sum(map(len, rows)) for rows in stages.sensitivities)
         derivatives = stages.step.nnz_out(1) + stages.step.nnz_out(2) + stages.limits.nnz_out(1)
-        return 2 * entries + nr + nr * stages.nx + derivatives + n + nr * n + 2 * stages.nx
+        return 2 * entries + nr + nr * stages.nd + derivatives + n + nr * n + 2 * stages.nx
 
     def text(self) -> str:
         """Its tables and its entry."""
@@ -106,9 +106,12 @@ class SolverC:
         after = [row for rows in stages.sensitivities[1:] for row in rows]
         goals = [stages.error.nnz_in(i) for i in range(2, stages.error.n_in())]
         lines += [*_rows(f"{name}_g", after), _shorts(f"{name}_goals", goals)]
+        lines += [_shorts(f"{name}_held", stages.held)]
         fields = [
-            *(stages.count, stages.nx, stages.nu, stages.step.nnz_in(2)),
-            *(stages.error.nnz_out(0), stages.limits.nnz_out(0), len(goals), f"{name}_goals"),
+            *(stages.count, stages.inputs, stages.nx, stages.nd, stages.nu),
+            *(stages.parameter_sizes[1], stages.error.nnz_out(0), stages.limits.nnz_out(0)),
+            *(len(goals), stages.step.nnz_in(2) if stages.varying else 0),
+            *(f"{name}_held", f"{name}_goals"),
             *(self.symbol(f) for f in (stages.error, stages.step, stages.limits)),
             *(f"{name}_{key}_{part}" for key in "abcg" for part in ("row", "col")),
             *(_real(stages.move_weight), _real(stages.damping)),
@@ -120,7 +123,7 @@ class SolverC:
         n, m, tolerances = problem.n, problem.m, problem.tolerances
         lower, upper = problem.limits
         stages = problem.stages
-        periods = (n // stages.count, m // stages.count) if stages else (n, m)
+        periods = (n // stages.inputs, m // stages.count) if stages else (n, m)
         slopes = stages.limit_rows if stages else _slopes(problem)
         sides = {
             "x_lower": lower[: periods[0]],
@@ -143,6 +146,7 @@ class SolverC:
             *map(_real, qp),
             *map(_real, (step, tolerances.stationarity, tolerances.limit)),
             *map(_real, (tolerances.flat, problem.enough, decrement)),
+            int(problem.relative),
         ]
         return [*lines, _struct("gn_problem", f"{name}_problem", fields)]
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import casadi as ca
 
-from curvcasadi.solvers.gauss_newton import OWN, GaussNewton
+from curvcasadi.solvers.gauss_newton import GaussNewton
 
 #: Of solvers with a single round.
 _ONE_ROUND = ca.Function()
@@ -42,7 +42,7 @@ class EmbeddedSolver:
     @property
     def is_exportable(self) -> bool:
         """Whether the solver in C takes its place."""
-        return self.problem.qp_solver == OWN
+        return self.problem.is_embeddable
 
     def solve(self, inputs: list[ca.MX]) -> list[ca.MX]:
         """Outputs as a graph."""

@@ -29,7 +29,11 @@ _PLUGINS: dict[str, tuple[str, dict[str, Any]]] = {
     OWN: ("daqp", {"daqp": {"primal_tol": 1e-10, "dual_tol": 1e-12}}),
     "qrqp": ("qrqp", {"print_iter": False, "print_header": False, "print_info": False}),
     "qpoases": ("qpoases", {"printLevel": "none"}),
+    "hpipm": ("hpipm", {"hpipm": {"mode": "robust"}}),
 }
+
+#: Factor of the objective for solvers with tolerances of their own that are too wide.
+_STRETCH = {"hpipm": 1e4}
 
 #: Decrease that a step must reach, over what its linearization promises.
 ARMIJO = 1e-4
@@ -83,6 +87,9 @@ class GaussNewton:
         Part of their tolerances at which it converged: no more steps are taken then.
     stages : Stages or None
         Where the linearization is condensed of.
+    relative : bool
+        Whether the objective has any size: what counts as none is relative to the largest diagonal
+        entry of its Hessian then, which is near 1 otherwise.
     qp_solver : str
         "own", or a QP plugin of CasADi.
     """
@@ -98,6 +105,7 @@ class GaussNewton:
     residual_unit: float | None = None
     enough: float = 0.1
     stages: Stages | None = None
+    relative: bool = False
     qp_solver: str = OWN
 
     def __post_init__(self) -> None:
@@ -106,6 +114,11 @@ class GaussNewton:
             raise ValueError(
                 f"qp_solver: expected 'own' or a QP solver of CasADi, found {self.qp_solver!r}"
             )
+
+    @property
+    def is_embeddable(self) -> bool:
+        """Whether the solver in C takes its place."""
+        return self.qp_solver == OWN
 
     @property
     def tolerances(self) -> Tolerances:
@@ -145,6 +158,8 @@ class GaussNewton:
         """(H triangle, g, Aᵀ, lower, upper) -> d, multipliers: one quadratic program."""
         n, m = self.n, self.m
         plugin, options = _PLUGINS.get(self.qp_solver, (self.qp_solver, {}))
+        if plugin == "hpipm":  # of one stage, whose inputs are the unknowns
+            options = {**options, "N": 1, "nx": [0, 0], "nu": [n, 0], "ng": [m, 0]}
         triangle = self.linearization.sparsity_out("hessian")
         slopes = self.linearization.sparsity_out("slopes")
         shapes = {"h": ca.Sparsity.dense(n, n), "a": slopes.T}
@@ -168,10 +183,17 @@ class GaussNewton:
         lower, upper = (ca.DM(side) for side in self.limits)
         here = ca.vertcat(x, c)
         room = ca.DM(_ROOM * (self.limits[0] == self.limits[1]))
-        d, multipliers = self.program(H, g, At, lower - here - room, upper - here + room)
+        unit = self.unit(H) / _STRETCH.get(self.qp_solver, 1.0)
+        sides = lower - here - room, upper - here + room
+        d, multipliers = self.program(H / unit, g / unit, At, *sides)
+        multipliers = unit * multipliers
         left = ca.triu2symm(H) @ d + g
         reached = here + ca.vertcat(d, At.T @ d)
         return d, multipliers, self.distance(H, left, At, reached, multipliers)
+
+    def unit(self, H: ca.MX) -> ca.MX | float:
+        """Size of the objective."""
+        return ca.mmax(ca.diag(H)) if self.relative else 1.0
 
     def distance(
         self, H: ca.MX, gradient: ca.MX, At: ca.MX, reached: ca.MX, multipliers: ca.MX
@@ -184,14 +206,15 @@ class GaussNewton:
         tolerances = self.tolerances
         # Not by indices: none of the entries of a scalar is a row.
         of_x, of_g = ca.vertsplit(multipliers, [0, self.n, self.n + self.m])
-        left = gradient + of_x + At @ of_g
+        unit = self.unit(H)
+        left, multipliers = gradient + of_x + At @ of_g, multipliers / unit
         idle = ca.vertcat(
             ca.fmin(ca.fmax(multipliers, 0), ca.fmax(upper - reached, 0)),
             ca.fmin(ca.fmax(-multipliers, 0), ca.fmax(reached - lower, 0)),
         )
-        errors = [left / tolerances.stationarity, idle / tolerances.stationarity]
+        errors = [left / (unit * tolerances.stationarity), idle / tolerances.stationarity]
         if self.residual_unit is not None:
-            curved = ca.triu2symm(H) + tolerances.flat * ca.DM.eye(self.n)
+            curved = ca.triu2symm(H) + unit * tolerances.flat * ca.DM.eye(self.n)
             gain = ca.dot(left, ca.solve(curved, left, "ldl"))
             errors.append(ca.sqrt(gain) / (self.residual_unit * tolerances.decrement))
         return ca.norm_2(ca.vertcat(*errors))
@@ -297,7 +320,8 @@ class GaussNewton:
         full = s["halved"] < 1
         damping = ca.if_else(full, s["damping"] / DAMPING, s["damping"])
         damping = ca.if_else(damping < LEAST_DAMPING, 0, damping)
-        d, multipliers, _ = self.step(x, [f, g, H + damping * ca.DM.eye(self.n), c, At])
+        damped = H + damping * self.unit(H) * ca.DM.eye(self.n)
+        d, multipliers, _ = self.step(x, [f, g, damped, c, At])
         largest = ca.norm_inf(multipliers[self.n :]) if self.m else ca.MX(0)
         penalty = ca.fmax(s["penalty"], PENALTY * largest)
         on = same | {

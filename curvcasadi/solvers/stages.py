@@ -5,8 +5,10 @@ With x_{k+1} = F(x_k, u_k, p) from a given x_0, the unknowns are the inputs u = 
     ½ Σ |r(x_{k+1}, p, goals_k)|² + ½ moves Σ |u_k − u_{k−1}|²,   limits c(x_k, u_k, x_{k+1}, p)
 
 Linearized along the rollout of u, dx_{k+1} = A_k dx_k + B_k du_k = G_{k+1} du, so that the
-quadratic program has inputs alone. Rows of G and of the limits keep the pattern that the sparsities
-of the stage's derivatives leave them.
+quadratic program has inputs alone. dx is the error state, which is shorter than the state where
+that holds attitudes. Inputs may be held over several stages, and p may differ from stage to stage.
+Rows of G and of the limits keep the pattern that the sparsities of the stage's derivatives leave
+them.
 """
 
 from __future__ import annotations
@@ -30,15 +32,20 @@ class Stages:
     count : int
         Number N of stages.
     error : casadi.Function
-        (x_end, p, goal, …) -> residual (nr, 1), its Jacobian by x_end (nr, nx), dense.
+        (x_end, p, goal, …) -> residual (nr, 1), its Jacobian by dx_end (nr, nd), dense.
     step : casadi.Function
-        (x, u, p) -> x_end (nx, 1), Aᵀ (nx, nx), Bᵀ (nu, nx), sparse.
+        (x, u, p) -> x_end (nx, 1), Aᵀ (nd, nd), Bᵀ (nu, nd), sparse.
     limits : casadi.Function
-        (x, u, x_end, p) -> values (nc, 1), their transposed Jacobian by (x, u, x_end), sparse.
+        (x, u, x_end, p) -> values (nc, 1), their transposed Jacobian by (dx, u, dx_end), sparse.
     move_weight : float
         Weight of |u_k − u_{k−1}|².
     damping : float
         Weight of |u − guess|², for the Hessian of every program.
+    hold : tuple of int
+        For each stage the index of its input among the unknown ones, ascending from zero by at most
+        one; empty where each stage has its own.
+    varying : bool
+        Whether the parameters hold one p for each stage, or the same for all.
     """
 
     count: int
@@ -47,6 +54,8 @@ class Stages:
     limits: ca.Function
     move_weight: float
     damping: float = 0.0
+    hold: tuple[int, ...] = ()
+    varying: bool = False
 
     @property
     def nx(self) -> int:
@@ -59,24 +68,38 @@ class Stages:
         return int(self.step.size1_in(1))
 
     @property
+    def nd(self) -> int:
+        """Entries of the error state."""
+        return int(self.step.size1_out(1))
+
+    @property
+    def held(self) -> tuple[int, ...]:
+        """Index of the input of each stage."""
+        return self.hold or tuple(range(self.count))
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs that differ."""
+        return self.held[-1] + 1
+
+    @property
     def parameter_sizes(self) -> list[int]:
         """Entries of x_0, p, u_previous and of the goals of all stages."""
         goals = (self.error.nnz_in(i) for i in range(2, self.error.n_in()))
-        return [self.nx, self.step.nnz_in(2), self.nu, *(self.count * size for size in goals)]
+        parameters = self.step.nnz_in(2) * (self.count if self.varying else 1)
+        return [self.nx, parameters, self.nu, *(self.count * size for size in goals)]
 
     @cached_property
     def sensitivities(self) -> list[Rows]:
         """Columns of du on which each row of G_0 … G_N depends, ascending."""
         a, b = (_rows(self.step.sparsity_out(i)) for i in (1, 2))
-        found: list[Rows] = [[[] for _ in range(self.nx)]]
-        for k in range(self.count):
+        found: list[Rows] = [[[] for _ in range(self.nd)]]
+        for first in (k * self.nu for k in self.held):
             before = found[-1]
             found.append(
                 [
-                    sorted(
-                        {c for i in a[row] for c in before[i]} | {k * self.nu + j for j in b[row]}
-                    )
-                    for row in range(self.nx)
+                    sorted({c for i in a[row] for c in before[i]} | {first + j for j in b[row]})
+                    for row in range(self.nd)
                 ]
             )
         return found
@@ -87,7 +110,8 @@ class Stages:
         found: Rows = []
         for k in range(self.count):
             start, end = self.sensitivities[k : k + 2]
-            by = [*start, *([k * self.nu + j] for j in range(self.nu)), *end]
+            first = self.held[k] * self.nu
+            by = [*start, *([first + j] for j in range(self.nu)), *end]
             for row in _rows(self.limits.sparsity_out(1)):
                 found.append(sorted({column for entry in row for column in by[entry]}))
         return found
@@ -97,6 +121,11 @@ class Stages:
         sizes = self.parameter_sizes
         ends = [sum(sizes[:i]) for i in range(len(sizes) + 1)]
         return [parameters[a:b] for a, b in pairwise(ends)]
+
+    def parameter(self, parts: Sequence[ca.MX], k: int) -> ca.MX:
+        """p of stage k."""
+        size = self.step.nnz_in(2)
+        return parts[1][k * size : (k + 1) * size] if self.varying else parts[1]
 
     def goals(self, parts: Sequence[ca.MX], k: int) -> list[ca.MX]:
         """Arguments of `error` after p at the end of stage k."""
@@ -108,18 +137,17 @@ class Stages:
 
     def evaluate(self, name: str) -> ca.Function:
         """(u, parameters) -> objective, gradient, hessian, values, slopes: see `Linearization`."""
-        n, nu = self.count * self.nu, self.nu
+        n, nu = self.inputs * self.nu, self.nu
         inputs, parameters = ca.MX.sym("u", n), ca.MX.sym("p", sum(self.parameter_sizes))
         parts = self.split(parameters)
-        x, p, last = parts[:3]
-        G = ca.MX(self.nx, n)
+        x, last = parts[0], parts[2]
+        G, before = ca.MX(self.nd, n), ca.DM(nu, n)
         f, g, H = ca.MX(0), ca.MX.zeros(n), ca.MX(self.damping * ca.DM.eye(n))
         values, slopes = [ca.MX(0, 1)], [ca.MX(n, 0)]
-        for k in range(self.count):
-            place = slice(k * nu, (k + 1) * nu)
-            u = inputs[place]
+        for k, first in enumerate(i * nu for i in self.held):
+            u, p = inputs[first : first + nu], self.parameter(parts, k)
             end, at, bt = self.step(x, u, p)
-            choose = ca.DM.eye(n)[place, :]
+            choose = ca.DM.eye(n)[first : first + nu, :]
             G_end = at.T @ G + bt.T @ choose
             value, ct = self.limits(x, u, end, p)
             values.append(value)
@@ -129,13 +157,12 @@ class Stages:
             f += ca.sumsqr(residual) / 2
             g += M.T @ residual
             H += M.T @ M
-            move, both = u - last, choose.T
-            if k:
-                both = both - ca.DM.eye(n)[(k - 1) * nu : k * nu, :].T
-            f += self.move_weight * ca.sumsqr(move) / 2
-            g += self.move_weight * (both @ move)
-            H += self.move_weight * (both @ both.T)
-            x, G, last = end, G_end, u
+            if self.move_weight:
+                move, both = u - last, (choose - before).T
+                f += self.move_weight * ca.sumsqr(move) / 2
+                g += self.move_weight * (both @ move)
+                H += self.move_weight * (both @ both.T)
+            x, G, last, before = end, G_end, u, choose
         pattern = _pattern(self.limit_rows, n)
         return linearization(
             name,
@@ -150,11 +177,12 @@ class Stages:
 
     def rollout(self, name: str) -> ca.Function:
         """(u, parameters) -> values (m, 1) of the limits, states (nx, N + 1)."""
-        inputs = ca.MX.sym("u", self.count * self.nu)
+        inputs = ca.MX.sym("u", self.inputs * self.nu)
         parameters = ca.MX.sym("p", sum(self.parameter_sizes))
-        x, p = self.split(parameters)[:2]
-        states, values = [x], [ca.MX(0, 1)]
-        for u in ca.vertsplit(inputs, self.nu):
+        parts = self.split(parameters)
+        states, values = [parts[0]], [ca.MX(0, 1)]
+        for k, first in enumerate(i * self.nu for i in self.held):
+            u, p = inputs[first : first + self.nu], self.parameter(parts, k)
             end = self.step(states[-1], u, p)[0]
             values.append(self.limits(states[-1], u, end, p)[0])
             states.append(end)

@@ -39,6 +39,7 @@ typedef struct {
   qp_real step, stationarity, limit, flat; /* that count as none */
   qp_real enough;                         /* part of tolerances at which it converged */
   qp_real decrement;                      /* of a residual; 0: not asked for */
+  int relative; /* whether what counts as none is relative to the Hessian */
 } gn_problem;
 
 typedef struct {
@@ -147,10 +148,21 @@ static void gn_program(const gn_state *s, qp_problem *qp) {
   qp->max_changes = p->changes;
 }
 
+/* Size of the objective: that of the Hessian, or 1 where it is scaled so */
+static qp_real gn_unit(const gn_state *s) {
+  qp_real largest = 0;
+  int i;
+  for (i = 0; i < s->problem->n; ++i) {
+    largest = gn_larger(largest, s->at.h[QP_PACKED(i) + i]);
+  }
+  return s->problem->relative ? largest : 1;
+}
+
 /* Distance from the optimality conditions over its tolerance: of the quadratic program after the step
    d, or of the problem at x where d is not given. */
 static qp_real gn_distance(gn_state *s, const qp_real *x, const qp_real *d) {
   const gn_problem *p = s->problem;
+  const qp_real unit = gn_unit(s);
   qp_real *left = s->qp, sum = 0;
   qp_problem qp;
   int i;
@@ -165,19 +177,19 @@ static qp_real gn_distance(gn_state *s, const qp_real *x, const qp_real *d) {
     const qp_real here = i < p->n ? x[i] : s->at.c[i - p->n];
     const qp_real reached = d ? here + qp_value(&qp, i, d) : here;
     const qp_real slack = s->lam[i] > 0 ? gn_upper(p, i) - reached : reached - gn_lower(p, i);
-    const qp_real multiplier = qp_abs(s->lam[i]);
+    const qp_real multiplier = qp_abs(s->lam[i]) / unit;
     const qp_real least = multiplier < slack ? multiplier : slack;
     const qp_real idle = least < 0 ? 0 : least / p->stationarity;
     qp_add_normal(&qp, i, s->lam[i], left);
     sum += idle * idle;
   }
   for (i = 0; i < p->n; ++i) {
-    const qp_real part = left[i] / p->stationarity;
+    const qp_real part = left[i] / (unit * p->stationarity);
     sum += part * part;
   }
   if (p->decrement > 0) { /* left' (H + flat)^-1 left */
     qp_real *l = left + p->n, gain = 0;
-    if (qp_cholesky(&qp, p->flat, l)) {
+    if (qp_cholesky(&qp, unit * p->flat, l)) {
       for (i = 0; i < p->n; ++i) {
         const qp_real *li = l + QP_PACKED(i);
         left[i] = (left[i] - qp_dot(i, li, left)) / li[i];
@@ -284,11 +296,13 @@ static int gn_converge(gn_state *s, gn_judgement *found) {
       is_done = gn_larger(found->distance, gn_violation(s, s->x) / p->limit) <= p->enough;
       is_done = is_done || (shrink > 0 && moved <= p->step);
       if (!is_done) {
+        qp_real added;
         qp_status status;
         damping = halved < 1 ? damping / GN_DAMPING : damping;
         damping = damping < GN_LEAST_DAMPING ? 0 : damping;
+        added = damping * gn_unit(s);
         for (i = 0; i < p->n; ++i) {
-          s->at.h[QP_PACKED(i) + i] += damping;
+          s->at.h[QP_PACKED(i) + i] += added;
         }
         status = gn_step(s, s->x, is_first);
         is_first = 0;

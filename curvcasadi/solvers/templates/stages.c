@@ -1,13 +1,15 @@
 /* Stages of a model in time, condensed to the inputs u: x_(k+1) = F(x_k, u_k, p), errors r_k of
-   x_(k+1), moves u_k - u_(k-1), and limits of (x_k, u_k, x_(k+1)). Rows of the sensitivities
-   G_k = dx_k/du and of the limits have fixed patterns. */
+   x_(k+1), moves u_k - u_(k-1), and limits of (x_k, u_k, x_(k+1)). dx is the error state, of nd
+   entries. Rows of the sensitivities G_k = dx_k/du and of the limits have fixed patterns. */
 
 struct gn_stages {
-  int count, nx, nu, np, nr, nc, goals;
+  int count, inputs, nx, nd, nu, np, nr, nc, goals;
+  int p_step;                 /* from the p of a stage to that of the next */
+  const short *held;          /* of each stage, which of the inputs it has */
   const short *goal_sizes;    /* of one stage */
-  gn_function error;          /* (x_end, p, goals ...) -> r, its Jacobian by x_end */
+  gn_function error;          /* (x_end, p, goals ...) -> r, its Jacobian by dx_end */
   gn_function step;           /* (x, u, p) -> x_end, A', B' */
-  gn_function limits;         /* (x, u, x_end, p) -> c, its transposed Jacobian by (x, u, x_end) */
+  gn_function limits;         /* (x, u, x_end, p) -> c, its transposed Jacobian by (dx, u, dx_end) */
   const short *a_row, *a_col; /* rows of A, B and of the limits' Jacobian */
   const short *b_row, *b_col, *c_row, *c_col;
   const short *g_row, *g_col; /* rows of G_1 ... G_N in turn */
@@ -20,7 +22,7 @@ struct gn_stages {
 static void gn_add_sensitivity(const gn_stages *s, int k, int i, qp_real f, const qp_real *g,
                                qp_real *line) {
   if (k > 0) {
-    const short *row = s->g_row + (k - 1) * s->nx;
+    const short *row = s->g_row + (k - 1) * s->nd;
     int e;
     for (e = row[i]; e < row[i + 1]; ++e) {
       line[s->g_col[e]] += f * g[e - row[0]];
@@ -58,14 +60,15 @@ static int gn_stage_limits(const gn_stages *s, const qp_real *x, const qp_real *
 /* G_(k+1) = A G_k + B du_k */
 static void gn_propagate(const gn_stages *s, int k, const qp_real *a, const qp_real *b,
                          const qp_real *g, qp_real *line, qp_real *g_end) {
-  const short *row = s->g_row + k * s->nx;
+  const short *row = s->g_row + k * s->nd;
+  const int first = s->held[k] * s->nu;
   int i, e;
-  for (i = 0; i < s->nx; ++i) {
+  for (i = 0; i < s->nd; ++i) {
     for (e = s->a_row[i]; e < s->a_row[i + 1]; ++e) {
       gn_add_sensitivity(s, k, s->a_col[e], a[e], g, line);
     }
     for (e = s->b_row[i]; e < s->b_row[i + 1]; ++e) {
-      line[k * s->nu + s->b_col[e]] += b[e];
+      line[first + s->b_col[e]] += b[e];
     }
     gn_gather(s->g_col + row[i], row[i + 1] - row[i], line, g_end + (row[i] - row[0]));
   }
@@ -75,32 +78,33 @@ static void gn_propagate(const gn_stages *s, int k, const qp_real *a, const qp_r
 static void gn_limit_rows(const gn_stages *s, int k, const short *row, const short *col,
                           const qp_real *c, const qp_real *g, const qp_real *g_end, qp_real *line,
                           qp_real *a) {
+  const int first = s->held[k] * s->nu;
   int i, e;
   for (i = 0; i < s->nc; ++i) {
     const int to = k * s->nc + i;
     for (e = s->c_row[i]; e < s->c_row[i + 1]; ++e) {
       const int by = s->c_col[e];
-      if (by < s->nx) {
+      if (by < s->nd) {
         gn_add_sensitivity(s, k, by, c[e], g, line);
-      } else if (by < s->nx + s->nu) {
-        line[k * s->nu + by - s->nx] += c[e];
+      } else if (by < s->nd + s->nu) {
+        line[first + by - s->nd] += c[e];
       } else {
-        gn_add_sensitivity(s, k + 1, by - s->nx - s->nu, c[e], g_end, line);
+        gn_add_sensitivity(s, k + 1, by - s->nd - s->nu, c[e], g_end, line);
       }
     }
     gn_gather(col + row[to], row[to + 1] - row[to], line, a + row[to]);
   }
 }
 
-/* Objective, gradient and Hessian of the error r at the end of stage k, of slope j by x_(k+1) */
+/* Objective, gradient and Hessian of the error r at the end of stage k, of slope j by dx_(k+1) */
 static void gn_add_error(const gn_stages *s, int k, const qp_real *r, const qp_real *j,
                          const qp_real *g_end, qp_real *slope, gn_point *at) {
-  const short *row = s->g_row + k * s->nx;
-  const int n = (k + 1) * s->nu;
+  const short *row = s->g_row + k * s->nd;
+  const int n = (s->held[k] + 1) * s->nu;
   qp_real *h = at->h;
   int i, e;
   qp_zero(s->nr * n, slope);
-  for (i = 0; i < s->nx; ++i) {
+  for (i = 0; i < s->nd; ++i) {
     for (e = row[i]; e < row[i + 1]; ++e) {
       qp_add(s->nr, g_end[e - row[0]], j + i * s->nr, slope + s->g_col[e] * s->nr);
     }
@@ -118,7 +122,7 @@ static void gn_add_error(const gn_stages *s, int k, const qp_real *r, const qp_r
 
 /* The same of the inputs' moves, and of the damping toward the guess */
 static void gn_add_moves(const gn_stages *s, const qp_real *u, const qp_real *before, gn_point *at) {
-  const int n = s->count * s->nu;
+  const int n = s->inputs * s->nu;
   int i;
   for (i = 0; i < n; ++i) {
     const qp_real move = u[i] - (i < s->nu ? before[i] : u[i - s->nu]);
@@ -133,16 +137,26 @@ static void gn_add_moves(const gn_stages *s, const qp_real *u, const qp_real *be
   }
 }
 
+/* Entries of the largest of G_1 ... G_N: the last one is not where inputs are held */
+static int gn_most_entries(const gn_stages *s) {
+  int k, most = 0;
+  for (k = 0; k < s->count; ++k) {
+    const int entries = s->g_row[(k + 1) * s->nd] - s->g_row[k * s->nd];
+    most = entries > most ? entries : most;
+  }
+  return most;
+}
+
 /* The linearization at the inputs u. Of parameters: x_0, p, the input before, goals. */
 static int gn_condense(const gn_stages *s, const short *row, const short *col, const qp_real *u,
                        const qp_real *parameters, gn_point *at, qp_real *work,
                        const gn_scratch *scratch) {
-  const int n = s->count * s->nu;
-  const int entries = s->g_row[s->count * s->nx] - s->g_row[(s->count - 1) * s->nx];
+  const int n = s->inputs * s->nu;
+  const int entries = gn_most_entries(s);
   const qp_real *p = parameters + s->nx, *before = p + s->np, *x = parameters;
   qp_real *g = gn_take(&work, entries), *g_end = gn_take(&work, entries);
-  qp_real *ends[2], *r = gn_take(&work, s->nr), *j = gn_take(&work, s->nr * s->nx);
-  qp_real *a = gn_take(&work, s->a_row[s->nx]), *b = gn_take(&work, s->b_row[s->nx]);
+  qp_real *ends[2], *r = gn_take(&work, s->nr), *j = gn_take(&work, s->nr * s->nd);
+  qp_real *a = gn_take(&work, s->a_row[s->nd]), *b = gn_take(&work, s->b_row[s->nd]);
   qp_real *c = gn_take(&work, GN_ENTRIES(s->c_row, s->nc));
   qp_real *line = gn_take(&work, n), *slope = gn_take(&work, s->nr * n);
   int i, k, failed = 0;
@@ -154,21 +168,22 @@ static int gn_condense(const gn_stages *s, const short *row, const short *col, c
   qp_zero(QP_PACKED(n), at->h);
   gn_add_moves(s, u, before, at);
   for (k = 0; k < s->count && !failed; ++k) {
-    const qp_real *goal = before + s->nu;
+    const qp_real *goal = before + s->nu, *of_stage = p + k * s->p_step;
+    const qp_real *input = u + s->held[k] * s->nu;
     qp_real *end = ends[k % 2], *last = g;
     scratch->res[0] = end;
     scratch->res[1] = a;
     scratch->res[2] = b;
-    failed = gn_stage_step(s, x, u + k * s->nu, p, scratch);
+    failed = gn_stage_step(s, x, input, of_stage, scratch);
     gn_propagate(s, k, a, b, g, line, g_end);
     if (s->nc > 0 && !failed) {
       scratch->res[0] = at->c + k * s->nc;
       scratch->res[1] = c;
-      failed = gn_stage_limits(s, x, u + k * s->nu, end, p, scratch);
+      failed = gn_stage_limits(s, x, input, end, of_stage, scratch);
       gn_limit_rows(s, k, row, col, c, g, g_end, line, at->a);
     }
     scratch->arg[0] = end;
-    scratch->arg[1] = p;
+    scratch->arg[1] = of_stage;
     for (i = 0; i < s->goals; ++i) {
       scratch->arg[2 + i] = goal + k * s->goal_sizes[i];
       goal += s->count * s->goal_sizes[i];
@@ -193,15 +208,16 @@ static int gn_rollout(const gn_stages *s, const qp_real *u, const qp_real *param
     states[i] = parameters[i];
   }
   for (k = 0; k < s->count && !failed; ++k) {
-    const qp_real *x = states + k * s->nx, *input = u + k * s->nu;
+    const qp_real *x = states + k * s->nx, *input = u + s->held[k] * s->nu;
+    const qp_real *of_stage = p + k * s->p_step;
     scratch->res[0] = states + (k + 1) * s->nx;
     scratch->res[1] = work;
-    scratch->res[2] = work + s->a_row[s->nx];
-    failed = gn_stage_step(s, x, input, p, scratch);
+    scratch->res[2] = work + s->a_row[s->nd];
+    failed = gn_stage_step(s, x, input, of_stage, scratch);
     if (s->nc > 0 && !failed) {
       scratch->res[0] = c + k * s->nc;
       scratch->res[1] = work;
-      failed = gn_stage_limits(s, x, input, x + s->nx, p, scratch);
+      failed = gn_stage_limits(s, x, input, x + s->nx, of_stage, scratch);
     }
   }
   return failed;

@@ -1,0 +1,197 @@
+"""A predictive controller's step as one Function, in Python and in C."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.control.step import Method, step_function
+from curvcasadi.lie import quaternion, so3
+from curvcasadi.ocp.mpc.problem import MpcProblem
+from curvcasadi.ocp.targets import rotations_defect
+from curvcasadi.solvers.certificate import TOLERANCES, Bounds, larger
+from curvcasadi.solvers.embedded import EmbeddedSolver, SolverFunction, solver_function
+from curvcasadi.solvers.gauss_newton import GaussNewton
+from curvcasadi.solvers.interior_point import InteriorPoint
+from curvcasadi.symbolic.compiled import compile_function
+
+Solver = Literal["rti", "sqp", "ipopt"]
+
+#: What a quaternion's squared length may differ from 1, as of a rotation's columns.
+_LENGTH = 1e-2
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MpcSolver:
+    """How the problem is solved.
+
+    Attributes
+    ----------
+    problem : MpcProblem
+        What is solved.
+    solver : {"rti", "sqp", "ipopt"}
+        One quadratic program with a full step, programs until it converges, or IPOPT.
+    qp_solver : str
+        Of quadratic programs.
+    max_iter : int
+        Programs at most where it converges.
+    tolerance : float
+        Excess of limits over their units that counts as none.
+    method, substeps : str, int
+        As in `step_function`.
+    """
+
+    problem: MpcProblem
+    solver: Solver
+    qp_solver: str
+    max_iter: int
+    tolerance: float
+    method: Method
+    substeps: int
+
+    def function(self, native: bool) -> SolverFunction:
+        """(x, p, u_previous, reference, guess) -> u, plan, states, slack, violation, stationarity.
+
+        Parameters
+        ----------
+        native : bool
+            Whether the stages are native code, which cannot be exported.
+        """
+        described, name = self.problem, self.problem.name
+        model = described.model
+        step = step_function(model, described.dt, method=self.method, substeps=self.substeps)
+        if native:
+            stages = described.stages(
+                compile_function(step), lambda f: compile_function(f, derivatives=0)
+            )
+        else:
+            stages = described.stages(step)
+        lower, upper = described.unknown_bounds
+        limits = described.limit_bounds
+        kind: Any = InteriorPoint if self.solver == "ipopt" else GaussNewton
+        problem = kind(
+            name=f"{name}_solver",
+            linearization=stages.evaluate(f"{name}_linearization"),
+            values=stages.rollout(f"{name}_rollout"),
+            bounds=Bounds(lower, upper, *limits),
+            real=model.real,
+            iterations=1 if self.solver == "rti" else None,
+            max_iter=self.max_iter,
+            stages=stages,
+            relative=True,
+            qp_solver=self.qp_solver,
+        )
+        begin, finish = self._begin(), self._finish()
+        return solver_function(name, EmbeddedSolver(problem=problem, begin=begin, finish=finish))
+
+    def _inputs(self) -> dict[str, ca.MX]:
+        problem, model = self.problem, self.problem.model
+        sizes = {
+            "x": (model.x.size, 1),
+            "p": (model.p.size, problem.count),
+            "u_previous": (model.u.size, 1),
+            "reference": (problem.goal_size, problem.count),
+            "guess": (model.u.size, problem.count),
+        }
+        return {key: ca.MX.sym(key, *size) for key, size in sizes.items()}
+
+    def _begin(self) -> ca.Function:
+        """Inputs -> unknowns to start from, parameters of the stages."""
+        problem, inputs = self.problem, self._inputs()
+        model, slacks = problem.model, len(problem.soft)
+        firsts = [problem.hold.index(i) for i in range(problem.hold[-1] + 1)]
+        scale = ca.DM(problem.scale)
+        start = [
+            ca.vertcat(inputs["guess"][:, k] / scale, ca.MX.zeros(slacks)) for k in firsts
+        ]
+        x = model.x.split(inputs["x"])
+        state = [
+            quaternion.normalize(x[part.name]) if part.attitude else x[part.name]
+            for part in model.x.parts
+        ]
+        rest = ca.MX.zeros(model.u.size + slacks + int(problem.is_implicit))
+        z = ca.vertcat(*state, inputs["u_previous"], rest)
+        goals = [self._proper(column) for column in ca.horzsplit(inputs["reference"])]
+        parameters = ca.veccat(z, inputs["p"], ca.MX.zeros(problem.nw), *goals)
+        return ca.Function(
+            f"{problem.name}_begin",
+            [*inputs.values()],
+            [ca.vertcat(*start), parameters],
+            [*inputs],
+            ["start", "parameters"],
+        )
+
+    def _pieces(self, column: ca.MX) -> list[ca.MX]:
+        sizes = [penalty.part.size for penalty in self.problem.penalties]
+        pieces: list[ca.MX] = ca.vertsplit(column, np.cumsum([0, *sizes]).tolist())
+        return pieces
+
+    def _proper(self, goal: ca.MX) -> ca.MX:
+        """A stage's reference with the attitudes that numbers of few digits mean."""
+        found = []
+        for penalty, piece in zip(self.problem.penalties, self._pieces(goal), strict=True):
+            if penalty.is_rotation:
+                piece = ca.vec(so3.orthonormal(ca.reshape(piece, 3, 3)))
+            elif penalty.part.attitude:
+                piece = quaternion.normalize(piece)
+            found.append(piece)
+        return ca.vertcat(*found)
+
+    def _defects(self, inputs: dict[str, ca.MX]) -> list[ca.MX]:
+        """By how much attitudes among the inputs are none, over what is allowed."""
+        x, model = self.problem.model.x.split(inputs["x"]), self.problem.model
+        found = [_length_defect(x[part.name]) for part in model.x.parts if part.attitude]
+        for column in ca.horzsplit(inputs["reference"]):
+            for penalty, piece in zip(self.problem.penalties, self._pieces(column), strict=True):
+                if penalty.is_rotation:
+                    found.append(rotations_defect(ca.reshape(piece, 3, 3)))
+                elif penalty.part.attitude:
+                    found.append(_length_defect(piece))
+        return found
+
+    def _finish(self) -> ca.Function:
+        """Inputs and what was found -> what the step gives."""
+        problem, inputs = self.problem, self._inputs()
+        model, nu, count = problem.model, problem.model.u.size, problem.count
+        n_states = model.x.size + 2 * nu + len(problem.soft) + int(problem.is_implicit)
+        found = ca.MX.sym("found", problem.nw * (problem.hold[-1] + 1))
+        rolled = ca.MX.sym("rolled", n_states, count + 1)
+        excess, distance, before = (ca.MX.sym(key) for key in ("excess", "distance", "before"))
+        blocks = ca.horzsplit(ca.reshape(found, problem.nw, problem.hold[-1] + 1))
+        held = [blocks[i] for i in problem.hold]
+        scale = ca.diag(ca.DM(problem.scale))
+        plan = [scale @ w[:nu] for w in held]
+        units = ca.DM([limit.unit for limit in problem.soft])
+        slacks = [units * w[nu:] if problem.soft else ca.MX(0, 1) for w in held]
+        violation = excess / self.tolerance
+        for defect in self._defects(inputs):
+            violation = larger(violation, defect)
+        outputs = {
+            "u": plan[0],
+            "plan": ca.horzcat(*plan[1:], plan[-1]),
+            "states": rolled[: model.x.size, :],
+            "slack": ca.horzcat(*slacks),
+            "violation": violation,
+            "stationarity": distance,
+        }
+        ends = [found, rolled, excess, distance, before]
+        names = ["found", "rolled", "excess", "distance", "before"]
+        return ca.Function(
+            f"{problem.name}_finish",
+            [*inputs.values(), *ends],
+            [*outputs.values()],
+            [*inputs, *names],
+            [*outputs],
+        )
+
+
+def default_tolerance(real: Any, solver: Solver) -> float:
+    """Excess of limits, over their units, that counts as none."""
+    return 1e-2 if solver == "rti" else TOLERANCES[real].limit
+
+
+def _length_defect(q: ca.MX) -> ca.MX:
+    return ca.fabs(ca.sumsqr(q) - 1) / _LENGTH

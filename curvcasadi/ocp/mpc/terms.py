@@ -1,0 +1,307 @@
+"""What a predictive controller weighs and bounds: checked arguments, by the names of a model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.control.model import ControlModel
+from curvcasadi.control.signals import stacked
+from curvcasadi.lie import quaternion, so3
+from curvcasadi.symbolic.expressions import Array, Number, numbers, positive
+from curvcasadi.symbolic.layout import Layout, Part
+
+Source = Literal["y", "x", "u", "angles", "rate"]
+
+#: Name under which the squared angles of elements, over what they may be, are bounded.
+ANGLES = "angles"
+#: Outputs that begin so and have nine entries are rotation matrices by columns.
+_ROTATION = "rotation"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Penalty:
+    """½ Σ weight error² of a part of the outputs, the state or the input at the end of each stage.
+
+    Attributes
+    ----------
+    part : Part
+        What is compared with its reference.
+    source : {"y", "x", "u"}
+        Where it stands.
+    weights : array, shape (ne,)
+        Of the entries of its error; three for an attitude.
+    """
+
+    part: Part
+    source: Source
+    weights: Array
+
+    @property
+    def is_rotation(self) -> bool:
+        """Whether its values are rotation matrices by columns."""
+        return is_rotation(self.part) and self.source == "y"
+
+    def error(self, value: ca.MX, goal: ca.MX) -> ca.MX:
+        """Weighted error (ne, 1): a difference, or the rotation vector from the goal."""
+        if self.is_rotation:
+            difference = so3.log_error(ca.reshape(value, 3, 3), ca.reshape(goal, 3, 3))
+        elif self.part.attitude:
+            difference = quaternion.log(quaternion.product(quaternion.conjugate(goal), value))
+        else:
+            difference = value - goal
+        return ca.DM(np.sqrt(self.weights)) * difference
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Limit:
+    """Bounds of a part, scaled by its units; soft where it has a weight.
+
+    Attributes
+    ----------
+    name : str
+        Name of the part.
+    source : {"y", "x", "u", "angles", "rate"}
+        Where it stands; "rate" for rates of a part of the state.
+    rows : array of int
+        Its entries with bounds, among those of all parts of the source.
+    lower, upper : array, shape (rows,)
+        Bounds; infinite where there is none on one side.
+    weight : float or None
+        Of the squared excess, ½ weight slack²; None for a bound that holds.
+    """
+
+    name: str
+    source: Source
+    rows: Array
+    lower: Array
+    upper: Array
+    weight: float | None = None
+
+    @property
+    def unit(self) -> float:
+        """Size of what is bounded: half the narrowest range, or the largest of one-sided bounds."""
+        both = self.upper - self.lower
+        if np.any(np.isfinite(both) & (both > 0)):
+            return float(np.min(both[np.isfinite(both) & (both > 0)])) / 2
+        ends = np.abs(np.concatenate([self.lower, self.upper]))
+        largest = float(np.max(ends[np.isfinite(ends)]))
+        return largest if largest > 0 else 1.0
+
+
+def is_rotation(part: Part) -> bool:
+    """Whether a part is a rotation matrix by columns."""
+    return part.size == 9 and part.name.startswith(_ROTATION)
+
+
+def penalties(name: str, source: Source, layout: Layout, given: Any) -> tuple[Penalty, ...]:
+    """Penalties of weights by the names of parts of a layout."""
+    found = []
+    for key, value in _by_name(name, layout, given).items():
+        part = _part(layout, key)
+        size = 3 if part.attitude or (source == "y" and is_rotation(part)) else part.size
+        weights = numbers(f"{name}[{key!r}]", value).ravel()
+        if weights.size not in (1, size):
+            raise ValueError(
+                f"{name}[{key!r}]: expected one weight or {size}, found {weights.size}"
+            )
+        if not np.all(weights >= 0):
+            raise ValueError(
+                f"{name}[{key!r}]: expected weights of at least zero, found {weights.tolist()}"
+            )
+        weights = np.full(size, weights[0]) if weights.size == 1 else weights
+        if np.any(weights > 0):
+            found.append(Penalty(part=part, source=source, weights=weights))
+    return tuple(found)
+
+
+def input_weights(name: str, layout: Layout, given: Any) -> Array:
+    """Weights (nu,) of inputs by name; zero for those without."""
+    found = np.zeros(layout.size)
+    for penalty in penalties(name, "u", layout, given):
+        found[layout.slices[penalty.part.name]] = penalty.weights
+    return found
+
+
+def limits(model: ControlModel, bounds: Any, rates: Any, soft: Any) -> tuple[Limit, ...]:
+    """Limits of outputs, states and angles, those of the model's state among them; not of inputs.
+
+    A bound of a part of the state replaces that of the model.
+    """
+    known = {
+        **{part.name: ("x", model.x) for part in model.x.parts},
+        **{part.name: ("y", model.y) for part in model.y.parts},
+    }
+    inputs = {part.name for part in model.u.parts}
+    names = [*known, *sorted(inputs), *([ANGLES] if model.angles else [])]
+    given = {
+        part.name: (part.lower, part.upper)
+        for part in model.x.parts
+        if np.any(np.isfinite(part.lower)) or np.any(np.isfinite(part.upper))
+    }
+    given |= {ANGLES: (-np.inf, 1.0)} if model.angles else {}
+    for key in _mapping("bounds", bounds):
+        _one_of("bounds", key, names)
+    given |= {key: value for key, value in bounds.items() if key not in inputs}
+    weights = _soft(soft, given, inputs, bounds)
+    found = []
+    for key, pair in given.items():
+        source, layout = known.get(key, (ANGLES, None))
+        if layout is None:
+            size, start = int(model.angles.nnz_out(0)) if model.angles else 0, 0
+        else:
+            size, start = _part(layout, key).size, layout.slices[key].start
+            _refuse_attitude(key, _part(layout, key), source)
+        lower, upper = two_sides(f"bounds[{key!r}]", pair, size)
+        rows = np.flatnonzero(np.isfinite(lower) | np.isfinite(upper))
+        if rows.size:
+            sides = {"lower": lower[rows], "upper": upper[rows]}
+            found.append(
+                Limit(
+                    name=key, source=source, rows=start + rows, weight=weights.get(key), **sides
+                )
+            )
+    return (*found, *_state_rates(model, rates, inputs))
+
+
+def input_bounds(model: ControlModel, bounds: Mapping[str, Any]) -> tuple[Array, Array]:
+    """Bounds (nu,) of the inputs: the tighter of the model's own and the given ones."""
+    lower, upper = (side.copy() for side in model.u.bounds)
+    for part in model.u.parts:
+        if part.name in bounds:
+            rows = model.u.slices[part.name]
+            low, high = two_sides(f"bounds[{part.name!r}]", bounds[part.name], part.size)
+            if np.any(low > upper[rows]) or np.any(high < lower[rows]):
+                raise ValueError(
+                    f"bounds[{part.name!r}]: expected bounds that meet the model's own, "
+                    f"{lower[rows].tolist()} to {upper[rows].tolist()}, found {low.tolist()} to "
+                    f"{high.tolist()}"
+                )
+            lower[rows], upper[rows] = np.maximum(lower[rows], low), np.minimum(upper[rows], high)
+    return lower, upper
+
+
+def input_rates(model: ControlModel, rates: Mapping[str, Any]) -> tuple[Array, Array]:
+    """Bounds (nu,) of the rates of the inputs."""
+    lower, upper = np.full(model.u.size, -np.inf), np.full(model.u.size, np.inf)
+    for part in model.u.parts:
+        if part.name in rates:
+            rows = model.u.slices[part.name]
+            lower[rows], upper[rows] = _rate("rate_bounds", part, rates[part.name])
+    return lower, upper
+
+
+def two_sides(name: str, pair: Any, size: int) -> tuple[Array, Array]:
+    """Bounds (size,) of a pair (lower, upper) of numbers or arrays, infinite ones allowed."""
+    try:
+        low, high = pair
+        sides = [np.array(np.broadcast_to(np.asarray(s, dtype=float), (size,))) for s in (low, high)]
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{name}: expected a pair (lower, upper) of numbers or arrays ({size},), found {pair!r}"
+        ) from None
+    lower, upper = sides
+    if np.any(np.isnan(lower)) or np.any(np.isnan(upper)):
+        raise ValueError(f"{name}: expected numbers, found NaN in {pair!r}")
+    if np.any(lower > upper):
+        raise ValueError(f"{name}: expected lower ≤ upper, found {pair!r}")
+    if np.any(lower == np.inf) or np.any(upper == -np.inf):
+        raise ValueError(f"{name}: expected bounds that a number can meet, found {pair!r}")
+    return lower, upper
+
+
+def inputs_at_rest(model: ControlModel, value: Any, lower: Array, upper: Array) -> Array:
+    """The trimmed input (nu,); zero within the bounds unless given."""
+    if value is None:
+        return np.clip(np.zeros(model.u.size), lower, upper)
+    found = stacked("u_trim", model.u, value)
+    outside = np.flatnonzero((found < lower) | (found > upper))
+    if outside.size:
+        i = int(outside[0])
+        raise ValueError(
+            f"u_trim: {model.u.labels[i]}: expected within {lower[i]:g} to {upper[i]:g}, "
+            f"found {found[i]:g}"
+        )
+    return found
+
+
+def _soft(soft: Any, given: Mapping[str, Any], inputs: set[str], bounds: Any) -> dict[str, float]:
+    """Weights of soft bounds by name."""
+    found = {}
+    for key, weight in _mapping("soft", soft).items():
+        if key in inputs:
+            raise ValueError(f"soft: expected outputs or states, found the input {key!r}")
+        if key not in given:
+            raise ValueError(
+                f"soft: expected names with bounds, {sorted(given)}, found {key!r}"
+            )
+        found[key] = float(positive(f"soft[{key!r}]", weight))
+    return found
+
+
+def _state_rates(model: ControlModel, rates: Any, inputs: set[str]) -> list[Limit]:
+    states = [part.name for part in model.x.parts]
+    found = []
+    for key, value in _mapping("rate_bounds", rates).items():
+        _one_of("rate_bounds", key, [*sorted(inputs), *states])
+        if key not in inputs:
+            part = _part(model.x, key)
+            _refuse_attitude(key, part, "x")
+            lower, upper = _rate("rate_bounds", part, value)
+            rows = np.flatnonzero(np.isfinite(lower) | np.isfinite(upper))
+            if rows.size:
+                at = model.x.slices[key].start + rows
+                found.append(
+                    Limit(name=key, source="rate", rows=at, lower=lower[rows], upper=upper[rows])
+                )
+    return found
+
+
+def _rate(name: str, part: Part, value: Any) -> tuple[Array, Array]:
+    """Bounds of rates: a number or an array for both directions, or a pair."""
+    if isinstance(value, tuple):
+        lower, upper = two_sides(f"{name}[{part.name!r}]", value, part.size)
+    else:
+        try:
+            upper = np.array(np.broadcast_to(np.asarray(value, dtype=float), (part.size,)))
+        except (TypeError, ValueError):
+            upper = np.full(part.size, np.nan)
+        if not np.all(upper > 0):
+            raise ValueError(
+                f"{name}[{part.name!r}]: expected one or {part.size} numbers above zero, or a "
+                f"pair, found {value!r}"
+            )
+        lower = -upper
+    return lower, upper
+
+
+def _refuse_attitude(key: str, part: Part, source: str) -> None:
+    if part.attitude or (source == "y" and is_rotation(part)):
+        raise ValueError(
+            f"bounds: expected a part that is no attitude, found {key!r}; bound its rates instead"
+        )
+
+
+def _mapping(name: str, given: Any) -> Mapping[str, Any]:
+    if not isinstance(given, Mapping):
+        raise ValueError(f"{name}: expected a mapping by name, found {given!r}")
+    return given
+
+
+def _by_name(name: str, layout: Layout, given: Any) -> Mapping[str, Number]:
+    for key in _mapping(name, given):
+        _one_of(name, key, [part.name for part in layout.parts])
+    return dict(given)
+
+
+def _one_of(name: str, key: str, known: list[str]) -> None:
+    if key not in known:
+        raise ValueError(f"{name}: expected names among {', '.join(known)}, found {key!r}")
+
+
+def _part(layout: Layout, key: str) -> Part:
+    return next(part for part in layout.parts if part.name == key)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 
@@ -60,13 +61,10 @@ class InteriorPoint(GaussNewton):
             ["triu_hess_gamma_x_x"],
         )
         objective, constraints = problem(x, p)
-        return ca.nlpsol(
-            f"{self.name}_ipopt",
-            "ipopt",
-            {"x": x, "p": p, "f": objective, "g": constraints},
-            {
-                **_QUIET,
-                "hess_lag": hessian,
-                "ipopt": {**_IPOPT, "max_iter": 10 * self.max_iter},
-            },
-        )
+        program: Any = {"x": x, "p": p, "f": objective, "g": constraints}
+        options: dict[str, Any] = {
+            **_QUIET,
+            "hess_lag": hessian,
+            "ipopt": {**_IPOPT, "max_iter": 10 * self.max_iter},
+        }
+        return ca.nlpsol(f"{self.name}_ipopt", "ipopt", program, options)

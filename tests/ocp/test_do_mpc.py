@@ -87,6 +87,16 @@ def test_do_mpc_gives_the_same_inputs_and_plans_in_a_closed_loop(controller):
         rate_bound=RATE,
         curvature_bound=CURVATURE,
     )
+    general = cc.Mpc(
+        MODEL,
+        dt=DT,
+        horizon=STAGES,
+        outputs={"position": 1.0, "rotation": 1.0},
+        moves={"q_command": MOVE},
+        bounds={"curvature": (-CURVATURE, CURVATURE)},
+        rate_bounds={"q": RATE},
+        solver="sqp",
+    )
     step = cc.rk4_step(MODEL, DT)
     x, u, plan = np.zeros(n), np.zeros(n), np.zeros(solver.size1_in("guess"))
     controller.x0, controller.u0 = x, u
@@ -105,6 +115,12 @@ def test_do_mpc_gives_the_same_inputs_and_plans_in_a_closed_loop(controller):
         theirs = controller.make_step(x.reshape(-1, 1)).ravel()
         u, plan = ours["u"].full().ravel(), ours["plan"]
         assert_allclose(u, theirs, atol=TOLERANCE)
+        goals = {
+            "position": ca.horzcat(*(tip.position for tip in tips)),
+            "rotation": ca.horzcat(*(ca.vec(tip.rotation) for tip in tips)),
+        }
+        # 1e-6 of the range of the inputs, 0.3 rad/m.
+        assert_allclose(general.step(x, reference=goals).u, theirs, atol=3e-7)
         later = plan.full().ravel().reshape(STAGES, 2 * n)[:-1, :n].T
         inputs = controller.data.prediction(("_u", "u"))[:, :, 0]
         assert_allclose(later, inputs[:, 1:], atol=TOLERANCE)

@@ -432,7 +432,8 @@ class Mpc:
             return np.eye(3).ravel()
         if penalty.source == "u":
             return self.u_trim[self.model.u.slices[penalty.part.name]]
-        return np.eye(penalty.part.size)[0] if penalty.part.attitude else np.zeros(penalty.part.size)
+        size = penalty.part.size
+        return np.eye(size)[0] if penalty.part.attitude else np.zeros(size)
 
 
 def _hold(blocks: Sequence[int] | None, horizon: int) -> tuple[int, ...]:
@@ -445,9 +446,7 @@ def _hold(blocks: Sequence[int] | None, horizon: int) -> tuple[int, ...]:
     return tuple(i for i, length in enumerate(lengths) for _ in range(length))
 
 
-def _scales(
-    layout: Layout, scales: Mapping[str, float], lower: Array, upper: Array
-) -> Array:
+def _scales(layout: Layout, scales: Mapping[str, float], lower: Array, upper: Array) -> Array:
     half = (upper - lower) / 2
     found = np.where(np.isfinite(half) & (half > 0), half, 1.0)
     for key, value in instance("scales", scales, Mapping).items():

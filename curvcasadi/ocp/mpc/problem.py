@@ -14,6 +14,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from curvcasadi.control.model import ControlModel
 from curvcasadi.lie import quaternion
@@ -122,7 +123,7 @@ class MpcProblem:
         return tuple(tiled)  # type: ignore[return-value]
 
     @property
-    def _rate_rows(self) -> Array:
+    def _rate_rows(self) -> NDArray[np.intp]:
         return np.flatnonzero(np.isfinite(self.rates[0]) | np.isfinite(self.rates[1]))
 
     def stages(self, step: ca.Function, outer: Any = lambda f: f) -> Stages:
@@ -207,7 +208,7 @@ class MpcProblem:
             for penalty, wanted in zip(self.penalties, goals, strict=True)
         ]
         moved = np.flatnonzero(self.moves > 0)
-        errors.append(ca.DM(np.sqrt(self.moves[moved])) * change[moved.tolist()])
+        errors.append(ca.DM(np.sqrt(self.moves[moved])) * change[moved.tolist(), :])
         excess = [(limit.weight or 0.0) ** 0.5 * limit.unit for limit in self.soft]
         errors.append(ca.DM(excess) * slacks if excess else ca.MX(0, 1))
         value = ca.vertcat(*errors)
@@ -231,17 +232,17 @@ class MpcProblem:
             sources["rate"] = model.xdot(self.split(z)[0], applied, p)
         values, slack = [ca.MX(0, 1)], nu
         for limit in self.limits:
-            value = sources[limit.source][limit.rows.tolist()] / limit.unit
+            value = sources[limit.source][limit.rows.tolist(), :] / limit.unit
             if limit.weight is None:
                 values.append(value)
                 continue
             below, above = (
                 np.flatnonzero(np.isfinite(side)).tolist() for side in (limit.lower, limit.upper)
             )
-            values += [value[above] - w[slack], value[below] + w[slack]]
+            values += [value[above, :] - w[slack], value[below, :] + w[slack]]
             slack += 1
         rates = self._rate_rows
-        values.append(change[rates.tolist()] / ca.DM(self.scale[rates]))
+        values.append(change[rates.tolist(), :] / ca.DM(self.scale[rates]))
         values.append(residual / RESIDUAL)
         value = ca.vertcat(*values)
         slopes = ca.horzcat(

@@ -104,9 +104,7 @@ class MpcSolver:
         model, slacks = problem.model, len(problem.soft)
         firsts = [problem.hold.index(i) for i in range(problem.hold[-1] + 1)]
         scale = ca.DM(problem.scale)
-        start = [
-            ca.vertcat(inputs["guess"][:, k] / scale, ca.MX.zeros(slacks)) for k in firsts
-        ]
+        start = [ca.vertcat(inputs["guess"][:, k] / scale, ca.MX.zeros(slacks)) for k in firsts]
         x = model.x.split(inputs["x"])
         state = [
             quaternion.normalize(x[part.name]) if part.attitude else x[part.name]

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from curvcasadi.control.model import ControlModel
 from curvcasadi.control.signals import stacked
@@ -77,7 +78,7 @@ class Limit:
 
     name: str
     source: Source
-    rows: Array
+    rows: NDArray[np.intp]
     lower: Array
     upper: Array
     weight: float | None = None
@@ -132,7 +133,7 @@ def limits(model: ControlModel, bounds: Any, rates: Any, soft: Any) -> tuple[Lim
 
     A bound of a part of the state replaces that of the model.
     """
-    known = {
+    known: dict[str, tuple[Source, Layout]] = {
         **{part.name: ("x", model.x) for part in model.x.parts},
         **{part.name: ("y", model.y) for part in model.y.parts},
     }
@@ -150,10 +151,10 @@ def limits(model: ControlModel, bounds: Any, rates: Any, soft: Any) -> tuple[Lim
     weights = _soft(soft, given, inputs, bounds)
     found = []
     for key, pair in given.items():
-        source, layout = known.get(key, (ANGLES, None))
-        if layout is None:
-            size, start = int(model.angles.nnz_out(0)) if model.angles else 0, 0
-        else:
+        source: Source = "angles"
+        size, start = int(model.angles.nnz_out(0)) if model.angles else 0, 0
+        if key in known:
+            source, layout = known[key]
             size, start = _part(layout, key).size, layout.slices[key].start
             _refuse_attitude(key, _part(layout, key), source)
         lower, upper = two_sides(f"bounds[{key!r}]", pair, size)
@@ -161,9 +162,7 @@ def limits(model: ControlModel, bounds: Any, rates: Any, soft: Any) -> tuple[Lim
         if rows.size:
             sides = {"lower": lower[rows], "upper": upper[rows]}
             found.append(
-                Limit(
-                    name=key, source=source, rows=start + rows, weight=weights.get(key), **sides
-                )
+                Limit(name=key, source=source, rows=start + rows, weight=weights.get(key), **sides)
             )
     return (*found, *_state_rates(model, rates, inputs))
 
@@ -198,8 +197,8 @@ def input_rates(model: ControlModel, rates: Mapping[str, Any]) -> tuple[Array, A
 def two_sides(name: str, pair: Any, size: int) -> tuple[Array, Array]:
     """Bounds (size,) of a pair (lower, upper) of numbers or arrays, infinite ones allowed."""
     try:
-        low, high = pair
-        sides = [np.array(np.broadcast_to(np.asarray(s, dtype=float), (size,))) for s in (low, high)]
+        low, high = (np.asarray(side, dtype=float) for side in pair)
+        sides = [np.array(np.broadcast_to(side, (size,))) for side in (low, high)]
     except (TypeError, ValueError):
         raise ValueError(
             f"{name}: expected a pair (lower, upper) of numbers or arrays ({size},), found {pair!r}"
@@ -236,9 +235,7 @@ def _soft(soft: Any, given: Mapping[str, Any], inputs: set[str], bounds: Any) ->
         if key in inputs:
             raise ValueError(f"soft: expected outputs or states, found the input {key!r}")
         if key not in given:
-            raise ValueError(
-                f"soft: expected names with bounds, {sorted(given)}, found {key!r}"
-            )
+            raise ValueError(f"soft: expected names with bounds, {sorted(given)}, found {key!r}")
         found[key] = float(positive(f"soft[{key!r}]", weight))
     return found
 

@@ -1,0 +1,371 @@
+"""Predictive control of any model: against least squares, IPOPT on its own program, and C."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import curvcasadi as cc
+from curvcasadi.control.model import ControlModel
+from curvcasadi.export import export_c, run_check
+from curvcasadi.lie import quaternion, so3
+from curvcasadi.reference_wings import hale_wing
+from curvcasadi.symbolic.layout import Layout, Part
+
+DT = 0.1
+WING = hale_wing(2, 2, 1, grid=cc.Grid.lobatto(6))
+KINEMATIC = cc.kinematic_model(WING, time_constant=0.5)
+TIP = cc.pose_at(WING, np.array([0.02, -0.01, -0.05, 0.015, 0.01]), 1.0)
+GOAL = {"position": TIP.position, "rotation": TIP.rotation}
+
+
+def model(name, parts, xdot, output=None):
+    """A control model of Layouts of `parts` (x, u, p, y) and expressions of (x, u, p)."""
+    layouts = [Layout(tuple(parts.get(key, ()))) for key in "xupy"]
+    x, u, p = (ca.MX.sym(key, s.size) for key, s in zip("xup", layouts, strict=False))
+    y = output(x, u, p) if output else ca.MX(0, 1)
+    names = ["x", "u", "p"]
+    return ControlModel(
+        name=name,
+        **dict(zip("xupy", layouts, strict=True)),
+        xdot=ca.Function(f"{name}_xdot", [x, u, p], [xdot(x, u, p)], names, ["xdot"]),
+        output=ca.Function(f"{name}_output", [x, u, p], [y], names, ["y"]),
+    )
+
+
+#: A mass on a spring, pushed by an input and by a gust.
+MASS = model(
+    "mass",
+    {
+        "x": [Part("place", 1, "m"), Part("speed", 1, "m/s")],
+        "u": [Part("force", 1, "N", -2.0, 2.0)],
+        "p": [Part("gust", 1, "N")],
+        "y": [Part("load", 2, "m")],
+    },
+    lambda x, u, p: ca.vertcat(x[1], -4 * x[0] + u + p),
+    lambda x, u, p: ca.vertcat(x[0] + 0.5 * u + 0.1 * p, 2 * x[1]),
+)
+
+
+def least_squares(x, before, gusts, goals, hold, weights, moves):
+    """Inputs of the mass by the normal equations of its response, which is linear."""
+    step = cc.rk4_step(MASS, DT)
+    n = max(hold) + 1
+
+    def residual(inputs):
+        state, last, found = np.asarray(x, dtype=float), before, []
+        for k, i in enumerate(hold):
+            state = step(state, inputs[i], gusts[k]).full().ravel()
+            load = MASS.output(state, inputs[i], gusts[k]).full().ravel()
+            found += [*np.sqrt(weights) * (load - goals[:, k]), np.sqrt(moves) * (inputs[i] - last)]
+            last = inputs[i]
+        return np.array(found)
+
+    rest = residual(np.zeros(n))
+    response = np.column_stack([residual(one) - rest for one in np.eye(n)])
+    return -np.linalg.lstsq(response, rest, rcond=None)[0]
+
+
+@pytest.mark.parametrize("solver", ["rti", "sqp", "ipopt"])
+@pytest.mark.parametrize("blocks", [None, (1, 2, 3)])
+def test_a_linear_model_is_driven_by_the_least_squares_of_its_previewed_response(solver, blocks):
+    hold = np.repeat(np.arange(3), (1, 2, 3)) if blocks else np.arange(6)
+    mpc = cc.Mpc(
+        MASS,
+        dt=DT,
+        horizon=6,
+        blocks=blocks,
+        outputs={"load": [3.0, 0.5]},
+        moves={"force": 0.2},
+        solver=solver,
+        damping=0.0,
+    )
+    gusts = np.array([0.1, 0.4, -0.3, 0.2, 0.0, 0.1])
+    goals = np.vstack([np.linspace(0, 0.2, 6), np.zeros(6)])
+    mpc.reset(0.3)
+    step = mpc.step([0.1, -0.2], reference={"load": goals}, preview={"gust": gusts})
+    expected = least_squares([0.1, -0.2], 0.3, gusts, goals, hold, np.array([3.0, 0.5]), 0.2)
+    assert step.success
+    # The response is linear: one program solves it, to rounding or to IPOPT's tolerance.
+    assert_allclose(step.plan[0], expected[hold], atol=1e-7 if solver == "ipopt" else 1e-9)
+    assert_allclose(step.u, expected[:1], atol=1e-7 if solver == "ipopt" else 1e-9)
+
+
+def by_opti(x, before, stages):
+    """Inputs of the tip problem by multiple shooting in Opti: states are unknowns there."""
+    opti, n = ca.Opti(), WING.basis.n
+    states, inputs = opti.variable(n, stages + 1), opti.variable(n, stages)
+    step, cost = cc.rk4_step(KINEMATIC, DT), 0
+    opti.subject_to(states[:, 0] == x)
+    last = before
+    for k in range(stages):
+        u, end = inputs[:, k], states[:, k + 1]
+        opti.subject_to(end == step(states[:, k], u, np.zeros(n)))
+        y = KINEMATIC.y.split(KINEMATIC.output(end, u, np.zeros(n)))
+        turn = so3.log_error(ca.reshape(y["rotation"], 3, 3), ca.DM(TIP.rotation))
+        cost += (ca.sumsqr(y["position"] - TIP.position) + ca.sumsqr(turn)) / 2
+        cost += 1e-2 * ca.sumsqr(u - last) / 2
+        opti.subject_to(opti.bounded(-0.06, y["curvature"], 0.06))
+        opti.subject_to(opti.bounded(-0.05, KINEMATIC.xdot(states[:, k], u, np.zeros(n)), 0.05))
+        opti.subject_to(opti.bounded(-0.1, u, 0.1))
+        opti.subject_to(opti.bounded(-0.6 * DT, u - last, 0.6 * DT))
+        last = u
+    opti.minimize(cost)
+    quiet = {"print_level": 0, "sb": "yes", "tol": 1e-11, "bound_relax_factor": 0.0}
+    opti.solver("ipopt", {"print_time": False, "ipopt": quiet})
+    return opti.solve().value(inputs)
+
+
+def tip_control(**options):
+    fields = {
+        "outputs": {"position": 1.0, "rotation": 1.0},
+        "moves": {"q_command": 1e-2},
+        "bounds": {"q_command": (-0.1, 0.1), "curvature": (-0.06, 0.06)},
+        "rate_bounds": {"q": 0.05, "q_command": 0.6},
+        "dt": DT,
+        "horizon": 4,
+        "solver": "sqp",
+    }
+    return cc.Mpc(KINEMATIC, **{**fields, **options})
+
+
+@pytest.mark.parametrize("options", [{}, {"qp_solver": "hpipm"}, {"solver": "ipopt"}], ids=str)
+def test_converged_inputs_are_those_of_multiple_shooting_by_hand(options):
+    mpc = tip_control(**options)
+    x = np.array([0.01, 0.0, -0.02, 0.0, 0.0])
+    mpc.reset(x)
+    step = mpc.step(x, reference=GOAL)
+    expected = by_opti(x, x, 4)
+    assert step.success, step.message
+    # 1e-6 of the range of the inputs, 0.2 rad/m: their objective is soft.
+    assert_allclose(step.plan, expected, atol=2e-7)
+    # Rates are bounded in every stage and curvatures in some: the comparison covers both.
+    rates = (step.plan - step.states[:, :-1]) / 0.5
+    assert_allclose(np.abs(rates).max(), 0.05, rtol=1e-6)
+
+
+def test_real_time_iterations_reach_the_converged_plan():
+    converged, once = tip_control(), tip_control(solver="rti")
+    steps = [once.step(np.zeros(5), reference=GOAL)]
+    for _ in range(8):
+        once._applied = np.zeros(5)  # the same problem again: nothing was applied
+        once._plan = steps[-1].plan
+        steps.append(once.step(np.zeros(5), reference=GOAL))
+    expected = converged.step(np.zeros(5), reference=GOAL)
+    assert all(step.success for step in steps[2:])
+    assert_allclose(steps[-1].plan, expected.plan, atol=1e-6)
+
+
+def test_the_next_step_starts_from_the_shifted_plan():
+    mpc = tip_control()
+    first = mpc.step(np.zeros(5), reference=GOAL)
+    # Without a new solution the plan goes on, then the trimmed input is applied.
+    for k in range(1, 4):
+        late = mpc.fallback("no sample")
+        assert_allclose(late.u, first.plan[:, k], rtol=0)
+        assert not late.success and "planned before" in late.message
+    last = mpc.fallback("no sample")
+    assert_allclose(last.u, np.zeros(5))
+    assert "trimmed" in last.message and "no sample" in last.message
+
+
+def test_soft_bounds_are_exceeded_by_the_reported_slack():
+    mpc = tip_control(bounds={"curvature": (-0.01, 0.01)}, soft={"curvature": 50.0})
+    x = np.array([0.0, 0.0, -0.03, 0.0, 0.0])
+    mpc.reset(x)
+    step = mpc.step(x, reference=GOAL)
+    assert step.success, step.message
+    curvatures = np.array(
+        [
+            KINEMATIC.y.split(KINEMATIC.output(end, 0, 0))["curvature"].full().ravel()
+            for end in step.states[:, 1:].T
+        ]
+    )
+    # The slack of a stage is the largest excess of its entries, as a smaller one is not enough and
+    # a larger one costs more.
+    excess = np.maximum(np.abs(curvatures) - 0.01, 0).max(axis=1)
+    assert excess.min() > 1e-3
+    assert_allclose(step.slack["curvature"], excess, atol=1e-7)
+
+
+def test_a_state_beyond_its_bounds_is_answered_with_a_usable_input():
+    mpc = tip_control(bounds={"curvature": (-0.01, 0.01)}, u_trim=np.full(5, 0.002))
+    step = mpc.step(np.array([0.0, 0.0, -0.1, 0.0, 0.0]), reference=GOAL)
+    assert not step.success
+    assert "not converged" in step.message and "trimmed" in step.message
+    assert_allclose(step.u, np.full(5, 0.002))
+    # It recovers by itself.
+    assert mpc.step(np.zeros(5), reference=GOAL).success
+
+
+def test_a_refused_call_leaves_the_controller_as_it_was():
+    mpc, other = tip_control(), tip_control()
+    first = [controller.step(np.zeros(5), reference=GOAL).u for controller in (mpc, other)]
+    assert_allclose(*first, rtol=0)
+    with pytest.raises(ValueError, match="x: expected finite numbers"):
+        mpc.step(np.full(5, np.nan), reference=GOAL)
+    x = np.full(5, 0.001)
+    assert_allclose(mpc.step(x, reference=GOAL).u, other.step(x, reference=GOAL).u, rtol=0)
+
+
+#: A body that a torque turns.
+BODY = model(
+    "body",
+    {
+        "x": [Part("attitude", 4, "1", attitude=True), Part("rate", 3, "rad/s")],
+        "u": [Part("torque", 3, "N m", -1.0, 1.0)],
+        "y": [Part("rotation", 9, "1")],
+    },
+    lambda x, u, p: ca.vertcat(
+        quaternion.rate(x[:4], x[4:]), u - ca.cross(x[4:], ca.DM([1, 2, 3]) * x[4:])
+    ),
+    lambda x, u, p: ca.vec(quaternion.rotation(x[:4])),
+)
+
+
+@pytest.mark.parametrize("tracked", [{"states": {"attitude": 2.0}}, {"outputs": {"rotation": 2.0}}])
+def test_attitudes_are_linearized_on_the_group(tracked):
+    mpc = cc.Mpc(
+        BODY, dt=0.2, horizon=3, inputs={"torque": 0.1}, damping=0.0, solver="sqp", **tracked
+    )
+    problem = mpc.function.solver.problem
+    rng = np.random.default_rng(1)
+    q = quaternion.exp(ca.DM([0.4, -0.9, 0.3]))
+    goal = quaternion.exp(ca.DM([-0.2, 0.5, 1.0]))
+    goal = goal if "states" in tracked else ca.vec(quaternion.rotation(goal))
+    goals = ca.repmat(ca.vertcat(goal, ca.DM([0, 0, 0])), 1, 3)
+    inputs = [ca.vertcat(q, 0.1, -0.3, 0.2), ca.DM(0, 3), ca.DM.zeros(3), goals, ca.DM.zeros(3, 3)]
+    _, parameters = mpc.function.solver.begin.call(inputs)
+    u = rng.normal(size=9) * 0.3
+
+    def objective(at):
+        return float(problem.linearization(at, parameters)[0])
+
+    gradient = problem.linearization(u, parameters)[1].full().ravel()
+    # Central differences at 1e-6: their rounding is 1e-10, the error of the rule 1e-12.
+    numeric = [(objective(u + 1e-6 * e) - objective(u - 1e-6 * e)) / 2e-6 for e in np.eye(9)]
+    assert_allclose(gradient, numeric, atol=2e-9)
+
+
+def test_a_body_is_turned_to_an_attitude_beyond_all_euler_angles():
+    mpc = cc.Mpc(
+        BODY, dt=0.2, horizon=10, states={"attitude": 5.0, "rate": 1.0}, inputs={"torque": 0.1}
+    )
+    goal = quaternion.exp(ca.DM([0.0, np.pi / 2, 0.0])).full().ravel()
+    step, x = cc.rk4_step(BODY, 0.2), np.array([1.0, 0, 0, 0, 0, 0, 0])
+    for _ in range(40):
+        found = mpc.step(x, reference={"attitude": goal})
+        assert found.success, found.message
+        x = step(x, found.u, []).full().ravel()
+    assert_allclose(np.abs(x[:4] @ goal), 1.0, atol=1e-6)
+    assert_allclose(x[4:], 0.0, atol=1e-3)
+
+
+@pytest.fixture(scope="module")
+def beam():
+    """A beam with inertia that a force at the tip bends."""
+    force = ca.MX.sym("force")
+    wing = hale_wing(1, 2, 1, grid=cc.Grid.lobatto(3))
+    load = cc.PointForce(xi=1.0, force=ca.vertcat(0, 0, force), frame="dead")
+    return cc.beam_model(wing, loads=[load], inputs={"force": force}, damping=5e-3)
+
+
+def test_a_beam_with_inertia_is_brought_to_rest(beam):
+    mpc = cc.Mpc(
+        beam,
+        dt=0.05,
+        horizon=10,
+        outputs={"position": 1.0},
+        states={"q_dot": 0.1},
+        moves={"force": 1e-6},
+        bounds={"force": (-30.0, 30.0)},
+        rate_bounds={"force": 300.0},
+        compiled=False,
+    )
+    step = cc.step_function(beam, 0.05, method="implicit_midpoint")
+    x = np.array([0.0, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    goal = {"position": [0.0, 16.0, 0.0]}
+    free, loads = x, []
+    for _ in range(25):
+        found = mpc.step(x, reference=goal)
+        assert found.success, found.message
+        loads.append(found.u[0])
+        x = step(x, found.u, [])[0].full().ravel()
+        free = step(free, 0, [])[0].full().ravel()
+    heights = [beam.output(state, 0, [])[2] for state in (x, free)]
+    assert abs(float(heights[0])) < 0.02 * abs(float(heights[1]))
+    assert np.abs(np.diff(loads)).max() <= 300 * 0.05 + 1e-6
+    assert np.abs(loads).max() <= 30
+
+
+def test_the_whole_controller_becomes_c(tmp_path):
+    mpc = tip_control(
+        blocks=(1, 1, 2),
+        outputs={"position": 1.0},
+        bounds={"q_command": (-0.1, 0.1), "curvature": (-0.02, 0.02)},
+        soft={"curvature": 10.0},
+    )
+    x = np.zeros(5)
+    for _ in range(3):
+        step = mpc.step(x, reference={"position": TIP.position})
+        assert step.success
+        x = step.states[:, 1]
+    export_c([mpc], tmp_path)
+    # The check's own limit for solvers is 1e-6; the same operations differ by rounding alone.
+    assert run_check(tmp_path)["mpc"] <= 1e-6
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"outputs": {"tip": 1.0}}, r"outputs: expected names among position, .*found 'tip'"),
+        ({"outputs": {}}, "outputs: expected a weight above zero of an output"),
+        ({"outputs": {"position": -1.0}}, r"outputs\['position'\]: expected weights of at least"),
+        ({"outputs": {"position": [1.0, 2.0]}}, r"outputs\['position'\]: expected one weight or 3"),
+        ({"outputs": {"position": np.nan}}, r"outputs\['position'\]: expected finite numbers"),
+        ({"inputs": {"flap": 1.0}}, "inputs: expected names among q_command, found 'flap'"),
+        ({"moves": {"q": 1.0}}, "moves: expected names among q_command, found 'q'"),
+        ({"bounds": {"load": (0, 1)}}, "bounds: expected names among .*found 'load'"),
+        ({"bounds": {"curvature": (1, -1)}}, r"bounds\['curvature'\]: expected lower ≤ upper"),
+        ({"bounds": {"curvature": 1.0}}, r"bounds\['curvature'\]: expected a pair"),
+        ({"bounds": {"curvature": (np.nan, 1)}}, r"bounds\['curvature'\]: .*found NaN"),
+        ({"bounds": {"q_command": (1.0, 2.0)}}, r"bounds\['q_command'\]: .*the model's own"),
+        ({"bounds": {"rotation": (-1, 1)}}, "bounds: expected a part that is no attitude"),
+        ({"rate_bounds": {"flap": 1.0}}, "rate_bounds: expected names among .*found 'flap'"),
+        ({"rate_bounds": {"q_command": -1.0}}, r"rate_bounds\['q_command'\]: expected one or 5"),
+        ({"soft": {"position": 1.0}}, "soft: expected names with bounds, .*found 'position'"),
+        ({"soft": {"q_command": 1.0}}, "soft: expected outputs or states, found the input"),
+        ({"soft": {"curvature": 0.0}}, r"soft\['curvature'\]: expected a number above zero"),
+        ({"horizon": 0}, "horizon: expected a whole number of at least 1, found 0"),
+        ({"blocks": (1, 2)}, "blocks: expected lengths of sum 4"),
+        ({"dt": 0.0}, "dt: expected a number above zero"),
+        ({"solver": "newton"}, "solver: expected one of 'rti', 'sqp', 'ipopt'"),
+        ({"qp_solver": "mine"}, "qp_solver: expected one of 'own', 'hpipm'"),
+        ({"u_trim": np.full(5, 0.5)}, r"u_trim: q_command\[0\], rad/m: expected within -0.1"),
+        ({"scales": {"flap": 1.0}}, "scales: expected names among q_command, found 'flap'"),
+    ],
+    ids=lambda value: str(value)[:40],
+)
+def test_contradictions_are_named(options, message):
+    with pytest.raises(ValueError, match=message):
+        tip_control(**options)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        ({"reference": {"load": 1.0}}, "reference: expected names among .*found 'load'"),
+        ({"reference": {"position": [1.0, 2.0]}}, r"reference\['position'\]: expected 3 numbers"),
+        ({"reference": {"position": [np.inf, 0, 0]}}, r"reference\['position'\]: expected finite"),
+        ({"reference": {"rotation": np.zeros((3, 3))}}, r"reference\['rotation'\]: expected ortho"),
+        ({"preview": {"wind": 1.0}}, "preview: expected names among disturbance, found 'wind'"),
+        ({"preview": {"disturbance": np.zeros((5, 2))}}, r"preview\['disturbance'\]: expected 5"),
+        ({"p": np.full(5, np.nan)}, "p: expected finite numbers"),
+    ],
+    ids=lambda value: str(value)[:40],
+)
+def test_bad_calls_are_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        tip_control().step(np.zeros(5), **call)

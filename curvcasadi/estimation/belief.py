@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.beam.beam import Beam
 from curvcasadi.estimation import ud
 from curvcasadi.estimation.samples import numeric_array
@@ -21,11 +22,21 @@ from curvcasadi.symbolic.expressions import (
     numbers,
     rotation_matrix,
 )
-from curvcasadi.symbolic.layout import Layout
+from curvcasadi.symbolic.layout import Layout, Part
+
+#: Most that the length of a quaternion may differ from 1.
+UNIT = 1e-6
+
+
+def weights_of(wings: Beam | Aircraft) -> dict[str, Beam]:
+    """The beam of each part of a state that holds weights, by name of the part."""
+    if isinstance(wings, Beam):
+        return {"q": wings}
+    return {f"q_{wing.name}": wing.beam for wing in wings.beams}
 
 
 def initial_belief(
-    beam: Beam,
+    wings: Beam | Aircraft,
     state: Layout,
     error: Layout,
     deviation: Mapping[str, Number],
@@ -55,13 +66,21 @@ def initial_belief(
     for name, where in error.slices.items():
         size = where.stop - where.start
         covariance[where, where] = covariance_matrix(f"deviation[{name!r}]", deviation[name], size)
-    found = np.concatenate([_mean(part.name, part.size, means) for part in state.parts])
-    checked_weights(beam, ca.DM(found[state.slices["q"]]), "mean['q']")
+    found = np.concatenate([_mean(part, means) for part in state.parts])
+    for name, beam in weights_of(wings).items():
+        checked_weights(beam, ca.DM(found[state.slices[name]]), f"mean[{name!r}]")
     return found, ud.factor_of(covariance)
 
 
-def _mean(name: str, size: int, means: Mapping[str, Number]) -> Array:
+def _mean(part: Part, means: Mapping[str, Number]) -> Array:
+    name, size = part.name, part.size
     where = f"mean[{name!r}]"
+    if part.attitude:
+        value = numeric_array(where, means.get(name, [1.0, 0, 0, 0]), (4, 1)).ravel()
+        length = np.linalg.norm(value)
+        if not abs(length - 1) <= UNIT:
+            raise ValueError(f"{where}: expected a unit quaternion, found length {length:g}")
+        return np.asarray(value / length)
     if name != "attitude":
         return numeric_array(where, means.get(name, np.zeros(size)), (size, 1)).ravel()
     rotation = rotation_matrix(where, means.get(name, ca.DM.eye(3)))

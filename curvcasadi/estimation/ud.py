@@ -25,6 +25,9 @@ _CSE = {"cse": True}
 #: variance is no number, and what a flipped bit makes of a reading is larger.
 _LARGEST = 1e15
 
+#: A measurement depends on the state if that adds more than this to its variance.
+_SEEN = 1e-9
+
 
 def factor_of(covariance: Array) -> Array:
     """Factor (N, N) of a positive definite `covariance` (N, N)."""
@@ -162,6 +165,72 @@ def add_noise(n: int) -> ca.Function:
             a[i] = a[i] - a[j] * factor[i, j]
             new[i, j] = factor[i, j] + beta * a[i]
     return ca.Function("ud_add_noise", [factor, direction, variance], [new], _CSE)
+
+
+def factor_of_columns(columns: ca.MX, d: ca.MX) -> ca.MX:
+    """Factor (n, n) of W diag(d) Wᵀ, W = `columns` (n, m), of rank n.
+
+    Weighted Gram–Schmidt on the rows of W as in `triangular`, by whole matrices, so that generated
+    C loops (C.L. Thornton, "Triangular Covariance Factorizations for Kalman Filtering", 1976).
+    """
+    n, m = columns.shape
+    f = _gram_schmidt(n, m)
+    return f(columns, d)
+
+
+@lru_cache(maxsize=64)
+def _gram_schmidt(n: int, m: int) -> ca.Function:
+    columns, d = ca.MX.sym("columns", n, m), ca.MX.sym("d", m)
+    rows, found = ca.densify(columns.T), []  # row k of W is the column k
+    for j in reversed(range(n)):
+        row = rows[:, j]
+        projections = (d * row).T @ rows  # of the rows up to j
+        unit = projections[:j] / projections[j]
+        found.append(ca.vertcat(unit.T, projections[j]))
+        if j:
+            rows = rows[:, :j] - row @ unit
+    stacked = ca.vertcat(*reversed(found))
+    factor = ca.sparsity_cast(stacked, ca.Sparsity.upper(n))
+    return ca.Function("ud_factor", [columns, d], [factor], _CSE)
+
+
+@lru_cache(maxsize=64)
+def relieve(n: int, gate: float) -> ca.Function:
+    """A belief with so much more doubt that a scalar measurement passes the gate, if `open`.
+
+    With h, ν and s as in `measure`, b = P h and π = h · b: a sample with ν² > gate² s makes the
+    prior wider in the one direction in which it is corrected, until ν is one standard deviation:
+
+        P ← P + c b bᵀ,   c = (ν² − s)/π²
+
+    Returns
+    -------
+    casadi.Function
+        (belief, row, variance, open) -> belief, whether it was widened. It is not where `open` is
+        zero, the sample is missing, passes the gate, or does not depend on the state.
+    """
+    size = n * (n + 1) // 2 + n
+    belief, row = ca.SX.sym("belief", size), ca.SX.sym("row", n + 1)
+    variance, is_open = ca.SX.sym("variance"), ca.SX.sym("open")
+    factor, error = split_belief(belief, n)
+    f = [row[j] + sum(factor[i, j] * row[i] for i in range(j)) for j in range(n)]
+    v = [factor[j, j] * f[j] for j in range(n)]
+    direction = [v[i] + sum(factor[i, j] * v[j] for j in range(i + 1, n)) for i in range(n)]
+    prior = sum(a * b for a, b in zip(f, v, strict=True))
+    seen = ca.logic_and(row[n] >= -_LARGEST, row[n] <= _LARGEST)
+    innovation = -(ca.if_else(seen, row[n], 0) + ca.dot(row[:n], error))
+    s = variance + prior
+    depends = prior > _SEEN * variance
+    far = ca.logic_and(ca.logic_and(innovation**2 > gate**2 * s, depends), seen)
+    widen = ca.logic_and(is_open, far)
+    scale = ca.if_else(depends, prior, 1)
+    # In units of the prior deviation, so that single precision holds the square of an innovation.
+    more = ca.if_else(widen, (innovation**2 - s) / scale, 0)
+    along = ca.vertcat(*direction) / ca.sqrt(scale)
+    widened = add_noise(n)(factor, along, more)
+    return ca.Function(
+        "ud_relieve", [belief, row, variance, is_open], [belief_of(widened, error), widen], _CSE
+    )
 
 
 def triangular(rows: list[ca.SX], d: ca.SX) -> tuple[ca.SX, ca.SX]:

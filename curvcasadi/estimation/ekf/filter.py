@@ -9,11 +9,20 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.beam.beam import Beam
+from curvcasadi.control.model import ControlModel
 from curvcasadi.estimation import ud
 from curvcasadi.estimation.belief import initial_belief
+from curvcasadi.estimation.ekf.model_filter import (
+    RECOVERY,
+    Options,
+    described_process,
+    model_filter,
+)
 from curvcasadi.estimation.ekf.readings import Observation
 from curvcasadi.estimation.ekf.update import update_function
+from curvcasadi.estimation.model_process import ModelProcess
 from curvcasadi.estimation.process import (
     Process,
     ProcessName,
@@ -120,8 +129,8 @@ class ShapeEkf:
         Parts of the error state: that of the attitude is a rotation vector, parent axes.
     channels : Channels
         Rows of the measurements, and of their residuals.
-    beam : Beam
-        Wing whose shape is estimated.
+    beam : Beam or Aircraft
+        Wing whose shape is estimated, or aircraft.
     """
 
     predict: ca.Function
@@ -129,7 +138,7 @@ class ShapeEkf:
     layout: Layout
     error_layout: Layout
     channels: Channels
-    beam: Beam
+    beam: Beam | Aircraft
 
     def initial(
         self,
@@ -211,10 +220,10 @@ class ShapeEkf:
 
 
 def shape_ekf(
-    beam: Beam,
-    sensors: Sequence[Sensor],
+    beam: Beam | Aircraft,
+    sensors: Sequence[Sensor] | Mapping[str, Sequence[Sensor]],
     *,
-    process: ProcessName | RandomWalk | WhiteAcceleration,
+    process: ProcessName | RandomWalk | WhiteAcceleration | ControlModel | ModelProcess,
     density: Number = None,
     rate: Number = None,
     acceleration: Number = None,
@@ -226,6 +235,9 @@ def shape_ekf(
     root_inputs: Sequence[str] = (),
     gate: float = 5.0,
     iterations: int = 1,
+    outputs: Mapping[str, Number] | None = None,
+    accelerometer_bias: bool = False,
+    recovery: int | None = None,
     name: str = "ekf",
 ) -> ShapeEkf:
     """Extended Kalman filter of curvature weights, and of what else is asked for.
@@ -310,6 +322,31 @@ def shape_ekf(
         If something is missing that the sensors, the process or a request needs, or an argument is
         of another size, kind or range.
     """
+    function_name("name", name)
+    if isinstance(process, ControlModel | ModelProcess):
+        unused = {"rate": rate, "root_gyro_density": root_gyro_density, "attitude": attitude}
+        for key, value in unused.items():
+            if value is not None and value is not False:
+                raise ValueError(f"{key}: expected none with a control model, found {value}")
+        options = Options(
+            root=root,
+            root_inputs=root_input_names(root_inputs),
+            gate=_gate(gate),
+            iterations=count("iterations", iterations),
+            recovery=RECOVERY if recovery is None else count("recovery", recovery, 0),
+            gyro_bias=gyro_bias,
+            accelerometer_bias=accelerometer_bias,
+            bias_density=bias_density,
+        )
+        described = described_process(process, density, acceleration)
+        return ShapeEkf(
+            **model_filter(name, beam, sensors, described, dict(outputs or {}), options)
+        )
+    for key, value in {"outputs": outputs, "recovery": recovery}.items():
+        if value is not None:
+            raise ValueError(f"{key}: expected None without a control model, found {value}")
+    if accelerometer_bias:
+        raise ValueError("accelerometer_bias: expected a control model as process with it")
     instance("beam", beam, Beam)
     n = beam.basis.n
     checked = checked_sensors(sensors)
@@ -356,7 +393,6 @@ def shape_ekf(
         gate=_gate(gate),
         iterations=count("iterations", iterations),
     )
-    function_name("name", name)
     return ShapeEkf(
         predict=predict_function(f"{name}_predict", described),
         update=update_function(f"{name}_update", described, observation),

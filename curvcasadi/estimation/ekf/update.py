@@ -11,7 +11,7 @@ from curvcasadi.estimation.process import DEGREE, Process
 from curvcasadi.estimation.samples import attitudes_function
 from curvcasadi.kinematics.root_motion import ROOT_INPUTS
 from curvcasadi.lie import so3
-from curvcasadi.symbolic.expressions import AnyExpr
+from curvcasadi.symbolic.expressions import AnyExpr, Array
 
 
 def update_function(name: str, process: Process, observation: Observation) -> ca.Function:
@@ -72,7 +72,8 @@ def _pass(process: Process, observation: Observation, look: bool) -> ca.Function
     readings = Readings(process, observation, state, measured, known)
     rows = readings.rows(None if look or not first else unknown)
     offset = ca.MX(ca.DM.zeros(first)) if look else readings.offset(unknown)
-    belief = _belief(process, observation)(factor, start, offset)
+    variances = np.concatenate([np.zeros(0), *observation.unknown.values()]) ** 2
+    belief = prior_belief(size, variances)(factor, start, offset)
     outcomes = []
     for row in rows:
         if row.shared or not look:
@@ -95,15 +96,15 @@ def _unknowns(observation: Observation) -> int:
     return sum(map(len, observation.unknown.values()))
 
 
-def _belief(process: Process, observation: Observation) -> ca.Function:
+def prior_belief(size: int, variances: Array) -> ca.Function:
     """(factor, error, offset) -> belief in the unknowns, less their offset, and in the error.
 
-    They are independent before an update.
+    They are independent before an update; `variances` are those of the unknowns, `size` is that of
+    the error state.
     """
-    size, first = process.error.size, _unknowns(observation)
+    first = len(variances)
     factor = ca.MX.sym("factor", ca.Sparsity.upper(size))
     error, offset = ca.MX.sym("error", size), ca.MX.sym("offset", first)
-    variances = np.concatenate([np.zeros(0), *observation.unknown.values()]) ** 2
     corner = np.diag(variances)[np.tril_indices(first)]  # symmetric: the upper one by columns
     entries = [ca.MX(ca.DM(corner))]
     ends = [j * (j + 1) // 2 for j in range(size + 1)]

@@ -22,7 +22,11 @@ from benchmarks import (
     dynamics,
     estimation,
     generated_c,
+<<<<<<< HEAD
     motion,
+=======
+    model_estimation,
+>>>>>>> e796a34 (A filter on a model recovers from a wrong start; its consistency is measured)
     parallel,
     placement,
     statics,
@@ -58,6 +62,8 @@ COUNTED: tuple[Section, ...] = (
     estimation.convergence,
     estimation.bad_data,
     estimation.single_precision,
+    model_estimation.consistency,
+    model_estimation.recovery,
     waiting.memory,
 )
 #: Times, which are never counted, and C that gcc takes long for.

@@ -1,17 +1,20 @@
 """Shapes from measurements: filters, fits, and where sensors should sit."""
 
-from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf, shape_ekf
+from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf
+from curvcasadi.estimation.ekf.maker import shape_ekf
 from curvcasadi.estimation.ekf.run import run_ekf
 from curvcasadi.estimation.fit.fit import fit_shape
 from curvcasadi.estimation.fit.result import ShapeFit
 from curvcasadi.estimation.information import ShapeDeviations, information_matrix, shape_deviations
 from curvcasadi.estimation.mhe.estimator import ShapeMhe, WindowEstimate, shape_mhe
 from curvcasadi.estimation.mhe.run import run_mhe
+from curvcasadi.estimation.model_process import ModelProcess
 from curvcasadi.estimation.placement.placement import Placement, place_sensors
 from curvcasadi.estimation.process import RandomWalk, WhiteAcceleration
 
 __all__ = [
     "Estimate",
+    "ModelProcess",
     "Placement",
     "RandomWalk",
     "ShapeDeviations",

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -199,7 +200,8 @@ def model_predict_function(name: str, dynamics: Dynamics) -> ca.Function:
     end, slope = _flow(dynamics)(whole, dt, *given)
 
     unit = ca.triu(ca.densify(factor), False) + ca.DM.eye(error.size)
-    columns, densities = [slope @ unit], [ca.diag(factor)]
+    columns: list[AnyExpr] = [slope @ unit]
+    densities = [ca.diag(factor)]
     for part, density in dynamics.density.items():
         where = error.slices[part]
         noisy = [i for i, value in enumerate(density) if value > 0]
@@ -208,7 +210,8 @@ def model_predict_function(name: str, dynamics: Dynamics) -> ca.Function:
         variance = (ca.DM(density[noisy]) * ca.sqrt(dt / 2)) ** 2
         columns += [slope[:, rows], ca.DM.eye(error.size)[:, rows]]
         densities += [variance, variance]
-    factor_after = ud.factor_of_columns(ca.horzcat(*columns), ca.vertcat(*densities))
+    stacked: Any = ca.horzcat(*columns)
+    factor_after = ud.factor_of_columns(stacked, ca.vertcat(*densities))
     return ca.Function(
         name,
         [*inputs.values()],
@@ -248,7 +251,8 @@ def _in_error_state(layout: Layout, end: ca.MX, slope: ca.MX) -> ca.MX:
         rows = slope[layout.slices[part.name], :]
         if part.attitude:
             inverse = quaternion.conjugate(values[part.name])
-            turned = [quaternion.product(inverse, ca.DM.eye(4)[:, k]) for k in range(4)]
+            units = [ca.MX(unit) for unit in ca.horzsplit(ca.DM.eye(4))]
+            turned = [quaternion.product(inverse, unit) for unit in units]
             rows = 2 * ca.horzcat(*turned)[1:, :] @ rows
         pieces.append(rows)
     return ca.densify(ca.vertcat(*pieces))

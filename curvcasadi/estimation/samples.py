@@ -49,12 +49,12 @@ def or_zero(size: int) -> ca.Function:
     return ca.Function("or_zero", [values], [ca.if_else(there, values, 0)])
 
 
-def attitudes_function(sensors: Sequence[Sensor]) -> ca.Function:
+def attitudes_function(channels: Channels) -> ca.Function:
     """measured (m, 1) -> the same with NaN for what is there as a whole, and is not."""
-    layout = sensor_channels(sensors).layout
+    layout = channels.layout
     measured = ca.SX.sym("measured", layout.size)
     samples = []
-    for sensor, values in zip(sensors, layout.split(measured).values(), strict=True):
+    for sensor, values in zip(channels.sensors, layout.split(measured).values(), strict=True):
         wrong = ca.sqrt(sensor.present(values) - 1) if sensor.whole else 0
         samples.append(values + wrong)
     return ca.Function("attitudes", [measured], [ca.vertcat(*samples)], {"cse": True})

@@ -19,9 +19,16 @@ _ROOT = {
 
 
 def ekf_words(
-    state: Layout, error: Layout, channels: Channels, names: Iterable[str]
+    state: Layout,
+    error: Layout,
+    channels: Channels,
+    names: Iterable[str],
+    given: Mapping[str, Layout] | None = None,
 ) -> Mapping[str, str]:
-    """Words for `names` of inputs and outputs of a filter's Functions."""
+    """Words for `names` of inputs and outputs of a filter's Functions.
+
+    `given` are inputs and known parameters of its model, by name of the argument.
+    """
     at = _parts(state)
     factor = f"{_FACTOR}; rows: {_parts(error)}"
     rows = ", ".join(channels.residual_labels)
@@ -38,6 +45,7 @@ def ekf_words(
         "nis": "normalized innovation squared of the used samples",
         "dof": "number of used samples",
         **_ROOT,
+        **{key: _parts(layout) for key, layout in (given or {}).items()},
     }
     return {name: words[name] for name in names}
 

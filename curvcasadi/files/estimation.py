@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf, shape_ekf
+from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf
+from curvcasadi.estimation.ekf.maker import shape_ekf
 from curvcasadi.files import toml_reader as toml
 from curvcasadi.files.sensors import read_sensor
 from curvcasadi.files.toml_reader import Key, Keys

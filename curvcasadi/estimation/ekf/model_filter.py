@@ -120,8 +120,8 @@ def model_filter(
     missing = [part for part in needed if part not in velocities]
     if missing:
         raise ValueError(
-            f"sensors: expected a model with inertia for accelerometers, found {process.model.name!r}"
-            f" without {missing[0]}"
+            "sensors: expected a model with inertia for accelerometers, found "
+            f"{process.model.name!r} without {missing[0]}"
         )
     unknown = {k: v for k, v in unknown_accelerations(process, velocities).items() if k in needed}
     observation = ModelObservation(
@@ -143,6 +143,11 @@ def model_filter(
         "error_layout": dynamics.error,
         "channels": channels,
         "beam": wings,
+        "inputs": {
+            key: layout
+            for key, layout in (("u", process.model.u), ("p", dynamics.known))
+            if layout.size
+        },
     }
 
 

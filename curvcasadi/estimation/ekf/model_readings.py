@@ -111,7 +111,7 @@ def kind_name(sensor: Any) -> str:
 def joined_channels(
     wings: tuple[Instrumented, ...], outputs: tuple[OutputReading, ...]
 ) -> Channels:
-    """The rows of sensors of several wings and of outputs; a wing's name begins those of several."""
+    """The rows of sensors of wings and of outputs; of several wings their names come first."""
     sensors: list[Any] = []
     parts, residuals, labels, errors = [], [], [], []
     noise: list[Array] = [np.zeros(0)]

@@ -34,7 +34,7 @@ def model_update_function(name: str, observation: ModelObservation) -> ca.Functi
     retract, difference, take = dynamics.retraction(), dynamics.difference(), _pass(observation)
     at, error = state, ca.MX(ca.DM.zeros(dynamics.error.size))
     if any(sensor.whole for sensor in channels.sensors):
-        measured = attitudes_function(channels.sensors)(measured)
+        measured = attitudes_function(channels)(measured)
     for iteration in range(observation.iterations):
         if iteration:
             error = difference(at, state)
@@ -87,9 +87,7 @@ class _Tally:
         self.there = [ca.MX(0)] * len(observation.kinds)
         self.failed = [ca.MX(0)] * len(observation.kinds)
 
-    def measure(
-        self, belief: ca.MX, group: Rows, kind: int
-    ) -> tuple[AnyExpr, list[AnyExpr]]:
+    def measure(self, belief: ca.MX, group: Rows, kind: int) -> tuple[AnyExpr, list[AnyExpr]]:
         """Belief after the rows of one sensor, and what became of each row."""
         observation = self.observation
         blocks = [slice(k, k + 1) for k in range(len(group.rows))]

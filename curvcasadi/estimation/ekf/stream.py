@@ -13,10 +13,11 @@ import numpy as np
 from curvcasadi.beam.beam import Beam
 from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf
 from curvcasadi.sensors import Marker, measurement_function
-from curvcasadi.symbolic.expressions import Array
+from curvcasadi.symbolic.expressions import Array, instance
 
-#: What a row does not show: the attitude of the parent is known better by who uses it.
-_HIDDEN = ("attitude",)
+#: What a row does not show: the attitude of the parent is known better by who uses it; counters
+#: have no error.
+_HIDDEN = ("attitude", "rejections")
 
 
 class Point(NamedTuple):
@@ -78,7 +79,8 @@ def _shown(
         if part.name not in _HIDDEN:
             names = _names(part.name, part.size)
             show(names, state[of_state[part.name]], unit[of_error[part.name], :])
-    positions, slopes = _positions(ekf.beam, state[of_state["q"]], [p.xi for p in points])
+    beam = instance("ekf.beam", ekf.beam, Beam)
+    positions, slopes = _positions(beam, state[of_state["q"]], [p.xi for p in points])
     names = [f"{point.name}_{axis}" for point in points for axis in "xyz"]
     for k in range(0, len(names), 3):
         show(names[k : k + 3], positions[k : k + 3], slopes[k : k + 3, :] @ unit[of_error["q"], :])

@@ -28,7 +28,7 @@ def update_function(name: str, process: Process, observation: Observation) -> ca
     at, error = state, ca.MX(ca.DM.zeros(process.error.size))
     unknown = ca.MX(ca.DM.zeros(_unknowns(observation)))
     if any(sensor.whole for sensor in observation.sensors):
-        measured = attitudes_function(observation.sensors)(measured)
+        measured = attitudes_function(observation.channels)(measured)
     if observation.unknown:
         unknown = look(error, factor, at, unknown, measured, *known.values())
     for iteration in range(observation.iterations):

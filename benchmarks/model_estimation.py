@@ -1,0 +1,214 @@
+"""Shape filters on a control model: consistency on the true model, and recovery from a wrong start.
+
+Wing: the HALE wing in a stream of 15 m/s, a flap, unsteady strips with two lag states, and gusts
+that the filter estimates. Two IMUs, at half span and at the tip, and two strain gauges, at 100 Hz.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+import curvcasadi as cc
+from benchmarks.estimation import band
+from benchmarks.table import Check, Table, checked
+from curvcasadi.reference_wings import hale_wing
+from curvcasadi.symbolic.expressions import Array
+
+DT = 0.01  #: s
+RUNS = 200
+PITCH, AIRSPEED = 0.03, 15.0  #: rad, m/s
+GUST_TIME = 1.0  #: s, in which a gust fades
+#: Densities of the noise that drives q_dot, rad/(m s √s), and the gust, m/(s √s).
+DENSITY = {"q_dot": 0.02, "lag": 0.05, "gust": 0.5}
+#: Standard deviation of q_ddot about the model's, rad/(m s²).
+ACCELERATION = 0.02
+DEVIATION = {"q": 0.0005, "q_dot": 0.005, "lag": 0.02, "gust": 0.05}
+_C, _S = float(np.cos(PITCH)), float(np.sin(PITCH))
+ROOT = cc.RootMotion(
+    pose=cc.Pose(rotation=[[_C, 0, _S], [0, 1, 0], [-_S, 0, _C]], position=[0, 0, 0]),
+    gravity=[0, 0, 9.80665],
+)
+SENSORS = (
+    *(cc.RateGyro(xi=xi, noise_density=1e-4, rate=1 / DT) for xi in (0.5, 1.0)),
+    *(cc.Accelerometer(xi=xi, noise_density=2e-3, rate=1 / DT) for xi in (0.5, 1.0)),
+    *(cc.StrainGauge(xi=xi, offset=[0, 0.05], noise=1e-5) for xi in (0.05, 0.4)),
+)
+
+
+def wing() -> cc.Wing:
+    """The HALE wing with four weights and a flap."""
+    basis = cc.ChannelBasis(torsion=cc.Legendre(2), out_of_plane=cc.Legendre(2))
+    beam = replace(hale_wing(grid=cc.Grid.lobatto(4)), basis=basis)
+    flap = cc.ControlSurface(name="flap", lift=3.5, moment=-0.6, start=0.2, end=0.95)
+    strips = cc.StripAerodynamics(
+        chord=1.0, aerodynamic_center=0.25, lift_slope=2 * np.pi, controls=(flap,)
+    )
+    return cc.Wing(name="right", beam=beam, strips=strips)
+
+
+def model() -> cc.ControlModel:
+    """The wing in the stream."""
+    return cc.wing_model(
+        wing(),
+        density=0.0889,
+        lag=cc.IndicialLag(poles=2, modes=1),
+        gust=cc.GustEntry(kind="lag", modes=1),
+        damping=0.01,
+    )
+
+
+def make(process: cc.ControlModel, **changes: Any) -> cc.ShapeEkf:
+    """The filter on that model."""
+    described = cc.ModelProcess(
+        model=process,
+        density=DENSITY,
+        estimated={"gust": GUST_TIME},
+        acceleration=ACCELERATION,
+    )
+    return cc.shape_ekf(wing().beam, SENSORS, process=described, root=ROOT, **changes)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Runs:
+    """Monte Carlo runs, all at once."""
+
+    nees: Array  #: (steps, runs)
+    nis: Array  #: over the number of samples, (steps, runs)
+    dof: Array  #: (steps, runs)
+    size: int  #: of the error state
+    tip: Array  #: distance of the estimated tip from the true one, m, (steps, runs)
+
+
+def simulate(
+    process: cc.ControlModel,
+    ekf: cc.ShapeEkf,
+    deviation: dict[str, float],
+    *,
+    steps: int,
+    runs: int = RUNS,
+    offset: Array | None = None,
+    missing: float = 0.0,
+    outliers: float = 0.0,
+    native: bool = True,
+    seed: int = 0,
+) -> Runs:
+    """Truth from the model and the noise that the filter assumes, and a filter of its samples.
+
+    Parameters
+    ----------
+    offset : error (n,) of the weights at the start instead of one drawn from `deviation`
+    missing, outliers : shares of the samples; an outlier is off by 50 standard deviations or more
+    native : compile all Functions
+    """
+    compiled: Callable[[ca.Function], ca.Function] = (
+        (lambda f: cc.compile_function(f, derivatives=0)) if native else (lambda f: f)
+    )
+    predict, update = (compiled(f).map(runs) for f in (ekf.predict, ekf.update))
+    step = compiled(cc.step_function(process, DT)).map(runs)
+    n, nx = process.second_order.velocities, process.x.size  # type: ignore[union-attr]
+    x, u, p = (ca.MX.sym(k, size) for k, size in (("x", nx), ("u", 1), ("p", 3)))
+    a = ca.MX.sym("a", n)
+    q_ddot = process.xdot(x, u, p)[n : 2 * n] + a
+    ideal = cc.measure(SENSORS, wing().beam, x[:n], x[n : 2 * n], q_ddot, ROOT)
+    read = compiled(ca.Function("read", [x, u, p, a], [ideal.values])).map(runs)
+    tip = cc.tip_function(wing().beam).map(runs)
+
+    rng = np.random.default_rng(seed)
+    trim = np.zeros(nx)
+    at = ekf.initial(deviation, {"q": trim[:n]})
+    size = ekf.error_layout.size
+    truth = at.state[:size, None] + np.sqrt(np.diag(at.covariance))[:, None] * rng.normal(
+        size=(size, runs)
+    )
+    if offset is not None:
+        truth[:n] = offset[:, None]
+    state, factor = np.tile(at.state[:, None], runs), np.tile(at.factor, runs)
+    strength = np.zeros(size)
+    for name, density in DENSITY.items():
+        strength[ekf.error_layout.slices[name]] = density * np.sqrt(DT / 2)
+    known = np.tile([[AIRSPEED], [PITCH]], runs)
+    found: dict[str, list[Array]] = {key: [] for key in ("nees", "nis", "dof", "tip")}
+    for k in range(steps):
+        u_held = np.full((1, runs), 0.05 * np.sin(2.0 * k * DT))
+        truth = truth + strength[:, None] * rng.normal(size=truth.shape)
+        given = np.vstack([known, truth[nx:]])
+        moved = step(truth[:nx], u_held, given)[0].full()
+        truth = np.vstack([moved, np.exp(-DT / GUST_TIME) * truth[nx:]])
+        truth = truth + strength[:, None] * rng.normal(size=truth.shape)
+        given = np.vstack([known, truth[nx:]])
+        values = read(truth[:nx], u_held, given, ACCELERATION * rng.normal(size=(n, runs))).full()
+        noise = ideal.noise[:, None]
+        values += noise * rng.normal(size=values.shape)
+        wrong = rng.random(values.shape) < outliers
+        values += wrong * (50 + 50 * rng.random(values.shape)) * noise
+        values[rng.random(values.shape) < missing] = np.nan
+
+        state, factor = predict(state, factor, np.full((1, runs), DT), u_held, known)
+        result = [value.full() for value in update(state, factor, values, u_held, known)]
+        state, factor = result[:2]
+        factors = factor.reshape(size, runs, size).transpose(1, 0, 2)
+        d = np.einsum("rii->ri", factors)
+        unit = np.triu(factors, 1) + np.eye(size)
+        whitened = np.linalg.solve(unit, (state[:size] - truth).T[..., None])[..., 0]
+        found["nees"].append((whitened**2 / d).sum(axis=1))
+        found["nis"].append(result[4][0])
+        found["dof"].append(result[5][0])
+        tips = [tip(value[:n])[0].full() for value in (state, truth)]
+        found["tip"].append(np.linalg.norm(tips[0] - tips[1], axis=0))
+    return Runs(**{key: np.array(values) for key, values in found.items()}, size=size)
+
+
+def consistency() -> Table:
+    """NEES and NIS of the filter on the true model, over their expectations."""
+    process = model()
+    runs = simulate(process, make(process, iterations=4), DEVIATION, steps=200)
+    checks = []
+    for name, values, dof in (("NEES", runs.nees, runs.size), ("NIS", runs.nis, runs.dof.mean())):
+        low, high = band(dof, RUNS)
+        ratio = values.mean(axis=1) / dof
+        checks += [
+            Check(
+                what=f"{name}/{dof:.0f}, wing in a stream, gust estimated",
+                value=float(ratio.mean()),
+                form="{:.3f}",
+                low=low,
+                high=high,
+            ),
+            Check(
+                what=f"{name}, steps whose average is within the band",
+                value=100 * float(np.mean((ratio > low) & (ratio < high))),
+                form="{:.0f} %",
+            ),
+        ]
+    notes = (f"{RUNS} runs of 200 steps, the 95 % band of an average over the runs of one step.",)
+    return checked("Consistency of the filter on a control model", checks, notes)
+
+
+#: A start that is thought to be known well and is bent the wrong way, rad/m.
+WRONG = np.array([0.01, 0.0, -0.04, 0.01])
+
+
+def recovery() -> Table:
+    """From a start that is wrong by many of its standard deviations, with and without recovery."""
+    process = model()
+    checks = []
+    for what, count in (("with recovery", 10), ("without", 0)):
+        ekf = make(process, iterations=4, recovery=count)
+        runs = simulate(
+            process, ekf, DEVIATION, steps=200, runs=50, offset=WRONG, missing=0.1, outliers=0.01
+        )
+        end = runs.tip[-1]
+        checks.append(
+            Check(
+                what=f"worst tip error after 2 s of 50 runs, {what}, m",
+                value=float(end.max()),
+                high=0.05 if count else None,
+            )
+        )
+        checks.append(Check(what=f"at the start, {what}, m", value=float(runs.tip[0].max())))
+    return checked("Wrong start of twenty standard deviations, 1 % outliers", checks)

@@ -22,11 +22,8 @@ from benchmarks import (
     dynamics,
     estimation,
     generated_c,
-<<<<<<< HEAD
-    motion,
-=======
     model_estimation,
->>>>>>> e796a34 (A filter on a model recovers from a wrong start; its consistency is measured)
+    motion,
     parallel,
     placement,
     statics,

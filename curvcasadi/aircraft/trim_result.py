@@ -68,6 +68,8 @@ class TrimResult:
         What was found, in words.
     unknowns : array
         All unknowns, scaled; where a warm start begins.
+    free : tuple of str
+        Angles and inputs that were not held, and "flight_path" if it was not.
     """
 
     speed: float
@@ -92,6 +94,7 @@ class TrimResult:
     active_bounds: tuple[str, ...]
     message: str
     unknowns: Array
+    free: tuple[str, ...]
 
     @property
     def success(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -283,6 +283,7 @@ class TrimSolver:
             active_bounds=active,
             message=message,
             unknowns=x,
+            free=_free(case, problem.names, bounds),
         )
 
     def _airloads(
@@ -302,6 +303,12 @@ class TrimSolver:
             )
             found[wing.name] = strip_forces(wing.beam, q[wing.name], load)
         return found
+
+
+def _free(case: Case, names: Sequence[str], bounds: tuple[Array, Array]) -> tuple[str, ...]:
+    """Angles and inputs that are not held, and the path if it is not."""
+    free = [name for name, low, high in zip(names, *bounds, strict=False) if low < high]
+    return (*free, *(("flight_path",) if case.flight_path is None else ()))
 
 
 def _run(

@@ -4,6 +4,7 @@ from curvcasadi.control.aircraft_model import aircraft_model
 from curvcasadi.control.beam_model import beam_model
 from curvcasadi.control.damping import modal_damping
 from curvcasadi.control.error_state import difference, retract
+from curvcasadi.control.flight_modes import FlightMode, FlightModes, flight_modes
 from curvcasadi.control.flutter import Flutter, flutter
 from curvcasadi.control.kinematic_model import kinematic_model
 from curvcasadi.control.linearize import LinearModel, linearize
@@ -11,17 +12,22 @@ from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
 from curvcasadi.control.simulation import Simulation, simulate
 from curvcasadi.control.step import rk4_step, step_function
+from curvcasadi.control.trimmed_state import TrimmedState, trimmed_state
 from curvcasadi.control.wing_model import wing_model
 
 __all__ = [
     "ControlModel",
+    "FlightMode",
+    "FlightModes",
     "Flutter",
     "LinearModel",
     "SecondOrder",
     "Simulation",
+    "TrimmedState",
     "aircraft_model",
     "beam_model",
     "difference",
+    "flight_modes",
     "flutter",
     "kinematic_model",
     "linearize",
@@ -31,5 +37,6 @@ __all__ = [
     "second_order_model",
     "simulate",
     "step_function",
+    "trimmed_state",
     "wing_model",
 ]

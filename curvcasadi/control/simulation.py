@@ -217,6 +217,10 @@ def _rk4(model: ControlModel) -> Stepper:
     return advance
 
 
+#: Relative correction after all iterations of a step from which on more of them help.
+_CONTRACTED = 1e-3
+
+
 def _midpoint(model: ControlModel, newton: bool, tolerance: float) -> Stepper:
     rule = midpoint_rule(model, newton, tolerance=tolerance)
     solve = Native(midpoint_solver(rule))
@@ -224,11 +228,14 @@ def _midpoint(model: ControlModel, newton: bool, tolerance: float) -> Stepper:
 
     def advance(x: Array, u: Array, p: Array, h: float) -> tuple[Array, float, str | None]:
         nonlocal last, before
-        end, residual, forces, count = solve(x, u, p, h, 2 * last - before)
-        spent = float(count[0])
-        if not residual[0] <= tolerance:  # the guess itself may have been at fault
-            end, residual, forces, count = solve(x, u, p, h, np.zeros(rule.n_rates))
+        guess, spent, nothing = 2 * last - before, 0.0, np.zeros(rule.n_rates)
+        # What contracts slowly goes on once; else the guess itself may have been at fault.
+        for _ in range(3):
+            end, residual, forces, count = solve(x, u, p, h, guess)
             spent += float(count[0])
+            if residual[0] <= tolerance:
+                break
+            guess = forces if residual[0] < _CONTRACTED else nothing
         last, before = forces, last
         if residual[0] <= tolerance:
             return end, spent, None

@@ -1,0 +1,160 @@
+"""State and inputs of a model of an aircraft in trimmed flight."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.aircraft.trim_problem import ANGLES
+from curvcasadi.aircraft.trim_result import TrimResult
+from curvcasadi.control.model import ControlModel, SecondOrder
+from curvcasadi.control.signals import stacked
+from curvcasadi.errors import ConvergenceError
+from curvcasadi.lie import quaternion
+from curvcasadi.symbolic.expressions import Array, Number, instance
+
+#: What is left of the equations beside the sum of the sizes of their terms, and most iterations.
+TOLERANCE, ITERATIONS = 1e-9, 20
+
+
+class TrimmedState(NamedTuple):
+    """State and inputs of steady flight.
+
+    Attributes
+    ----------
+    x : array, shape (nx,)
+        State of the model; the body origin is at the inertial origin and flies north.
+    u : array, shape (nu,)
+        Its inputs.
+    """
+
+    x: Array
+    u: Array
+
+
+def trimmed_state(model: ControlModel, trim: TrimResult, p: Number | None = None) -> TrimmedState:
+    """The state of a model in trimmed flight, so that `simulate` from there stays there.
+
+    A trim has quasi-steady strips. With a state of the air for each strip they are those of the
+    model in steady flight; lag functions along the span, which cannot follow every distribution of
+    the angle of attack, and induced flow of another kind move the equilibrium a little. What the
+    trim left free is therefore solved for once more, with the equations of the model.
+
+    Parameters
+    ----------
+    model : ControlModel
+        An `aircraft_model` of the aircraft, in air of the density of the trim.
+    trim : TrimResult
+        Of this aircraft.
+    p : array or mapping of str to number, optional
+        Parameters of the model, zero unless given: a gust is met as if it were steady.
+
+    Returns
+    -------
+    TrimmedState
+        Accelerations and rates of the states of the air are zero to rounding.
+
+    Raises
+    ------
+    ValueError
+        If the trim is not one, or that of another aircraft.
+    ConvergenceError
+        If the model has no such equilibrium near the trim.
+    """
+    instance("trim", trim, TrimResult)
+    motion = _motion(model, trim)
+    if not trim.trimmed:
+        raise ValueError(f"trim: expected a flight in balance, found {trim.message!r}")
+    unknowns = _Unknowns(model, trim)
+    parameters = stacked("p", model.p, p)
+    z, held = ca.MX.sym("z", unknowns.size), ca.MX.sym("p", model.p.size)
+    x, u, climb = unknowns.state(z)
+    left = ca.vertcat(*motion.balance(x, ca.DM.zeros(motion.velocities), u, held), climb)
+    rest = ca.Function("rest", [z, held], [left])
+    slope = ca.Function("slope", [z, held], [ca.densify(ca.jacobian(left, z))])
+    at = ca.Function("at", [z], [x, u])
+    value, size = unknowns.start, np.inf
+    for _ in range(ITERATIONS):
+        residual, matrix = (f(value, parameters).full() for f in (rest, slope))
+        # Every row by the sizes of its terms, every column by that of its unknown.
+        scaled = matrix[:, unknowns.free] * unknowns.scales[unknowns.free]
+        rows = np.abs(scaled).sum(axis=1) + np.finfo(float).tiny
+        left_over = residual.ravel() / rows
+        before, size = size, float(np.max(np.abs(left_over)))
+        if not size < before / 2 and size < TOLERANCE:
+            break
+        step = np.linalg.lstsq(scaled / rows[:, None], -left_over, rcond=1e-12)[0]
+        value = value.copy()
+        value[unknowns.free] += step * unknowns.scales[unknowns.free]
+    found = TrimmedState(*(part.full().ravel() for part in at(value)))
+    if not size < TOLERANCE:
+        raise ConvergenceError(
+            f"trimmed_state: no equilibrium of {model.name!r} near the trim at {trim.speed:g} m/s; "
+            "is the density the same, and the aircraft?",
+            found,
+        )
+    return found
+
+
+class _Unknowns:
+    """Angles, inputs, weights and states of the air, stacked, and the state that they make."""
+
+    def __init__(self, model: ControlModel, trim: TrimResult) -> None:
+        self.model, self.trim = model, trim
+        self.lag = [part for part in model.x.parts if part.name.startswith("lag_")]
+        pieces: list[Array] = [np.array([getattr(trim, name) for name in ANGLES])]
+        pieces += [np.array([*trim.inputs.values()])]
+        pieces += [q.full().ravel() for q in trim.q.values()]
+        pieces += [np.zeros(part.size) for part in self.lag]
+        self.ends = np.cumsum([0, *map(len, pieces)]).tolist()
+        self.start = np.concatenate(pieces)
+        self.size = self.start.size
+        names = [*ANGLES, *trim.inputs]
+        self.free = np.ones(self.size, dtype=bool)
+        self.free[: len(names)] = [name in trim.free for name in names]
+        forces = [unit == "N" for unit in trim.input_units.values()]
+        typical = max((abs(load[5]) for load in trim.root_loads.values()), default=1.0)
+        self.scales = np.ones(self.size)
+        self.scales[len(ANGLES) : len(names)][forces] = max(typical, 1.0)
+        self.scales[self.ends[2 + len(trim.q)] :] = trim.speed
+
+    def state(self, z: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """State, inputs, and what is left of the climb, where the trim holds it, m/s."""
+        trim, model = self.trim, self.model
+        angles, inputs, *parts = ca.vertsplit(z, self.ends)
+        alpha, pitch, beta, roll = ca.vertsplit(angles)
+        attitude = quaternion.product(
+            quaternion.exp(ca.vertcat(0, pitch, 0)), quaternion.exp(ca.vertcat(roll, 0, 0))
+        )
+        velocity = trim.speed * ca.vertcat(
+            ca.cos(alpha) * ca.cos(beta), ca.sin(beta), ca.sin(alpha) * ca.cos(beta)
+        )
+        named = {part.name: ca.MX.zeros(part.size) for part in model.x.parts}
+        named |= {"quaternion_wxyz": attitude, "twist": ca.vertcat(0, 0, 0, velocity)}
+        keys = [f"q_{name}" for name in trim.q] + [part.name for part in self.lag]
+        named |= dict(zip(keys, parts, strict=True))
+        by_name = dict(zip(trim.inputs, ca.vertsplit(inputs), strict=True))
+        down = quaternion.rotation(attitude)[2, :] @ velocity
+        climb = down + trim.speed * np.sin(trim.flight_path)
+        held = climb if "flight_path" not in trim.free else ca.MX(0, 1)
+        return model.x.join(named), model.u.join(by_name), held
+
+
+def _motion(model: ControlModel, trim: TrimResult) -> SecondOrder:
+    """The equations of motion of a model whose wings and inputs are those of a trim."""
+    motion = instance("model", model, ControlModel).second_order
+    wings = {part.name[2:] for part in model.x.parts if part.name.startswith("q_")}
+    wings = {name for name in wings if not name.startswith("dot_")}
+    inputs = {part.name for part in model.u.parts}
+    if motion is None or model.x.parts[0].name != "quaternion_wxyz" or wings != set(trim.q):
+        raise ValueError(
+            f"model: expected an aircraft_model with the wings {sorted(trim.q)} of the trim, "
+            f"found {model!r}"
+        )
+    if inputs != set(trim.inputs):
+        raise ValueError(
+            f"model: expected the inputs {sorted(trim.inputs)} of the trim, found {sorted(inputs)}"
+        )
+    return motion

@@ -1,0 +1,159 @@
+"""Trimmed flight of the HALE aircraft: it stays there, is mirror symmetric, and has named modes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import curvcasadi as cc
+
+FILE = Path(__file__).parents[2] / "ocp_examples" / "hale_aircraft.toml"
+DENSITY, SPEED = 0.0889, 25.0
+
+
+@pytest.fixture(scope="module")
+def hale():
+    return cc.load_aircraft(FILE)
+
+
+@pytest.fixture(scope="module")
+def model(hale):
+    """With a state of the air for each strip, so that steady flight is that of `trim`."""
+    lag = cc.IndicialLag(poles=2, modes=None)
+    return cc.aircraft_model(hale, density=DENSITY, lag=lag)
+
+
+@pytest.fixture(scope="module")
+def trimmed(hale):
+    return cc.trim(hale, speed=SPEED, density=DENSITY)
+
+
+@pytest.fixture(scope="module")
+def start(model, trimmed):
+    return cc.trimmed_state(model, trimmed)
+
+
+@pytest.fixture(scope="module")
+def modes(model, trimmed):
+    return cc.flight_modes(model, trimmed)
+
+
+def test_a_steady_trim_is_an_equilibrium_of_the_model(model, trimmed, start):
+    assert_allclose(model.u.split(ca.DM(start.u))["thrust"], trimmed.inputs["thrust"], rtol=1e-10)
+    assert_allclose(
+        model.u.split(ca.DM(start.u))["elevator"], trimmed.inputs["elevator"], rtol=1e-10
+    )
+    parts = model.x.split(ca.DM(start.x))
+    for name, q in trimmed.q.items():
+        assert_allclose(parts[f"q_{name}"], q, atol=1e-11)
+    rates = model.x.split(model.xdot(start.x, start.u, []))
+    assert_allclose(rates["position"], [[SPEED], [0], [0]], atol=1e-11)
+    # Rounding of forces of some kN, over masses of kg and weights that weigh little.
+    for name in set(rates) - {"position"}:
+        assert_allclose(rates[name], 0, atol=1e-11, err_msg=name)
+
+
+def test_lag_functions_move_the_equilibrium_little(hale, trimmed):
+    model = cc.aircraft_model(hale, density=DENSITY, lag=cc.IndicialLag(poles=2, modes=3))
+    x, u = cc.trimmed_state(model, trimmed)
+    rates = model.x.split(model.xdot(x, u, []))
+    for name in set(rates) - {"position"}:
+        assert_allclose(rates[name], 0, atol=1e-11, err_msg=name)
+    # Three Legendre functions leave some 1e-3 of the distribution of the angle of attack.
+    found = dict(zip([part.name for part in model.u.parts], u, strict=True))
+    for name, value in trimmed.inputs.items():
+        assert 1e-6 < abs(found[name] / value - 1) < 2e-3
+
+
+def test_trimmed_flight_stays_trimmed(model, start):
+    """The long run is benchmarks/flight.py; the dutch roll grows, rounding with it."""
+    times = np.linspace(0, 5, 6)
+    found = cc.simulate(model, start.x, times, u=start.u, method="implicit_midpoint", dt=0.02)
+    speed = np.linalg.norm(found.part("twist")[3:], axis=0)
+    assert_allclose(speed / SPEED, 1, atol=1e-10)
+    assert_allclose(found.part("position")[2], 0, atol=1e-10 * SPEED * times[-1])
+
+
+def mirrored(model, x):
+    """The mirror image of a state: wings change sides, and what is lateral its sign."""
+    signs = {
+        "quaternion_wxyz": [1, -1, 1, -1],
+        "position": [1, -1, 1],
+        "twist": [-1, 1, -1, 1, -1, 1],
+    }
+    parts = {name: part.full().ravel() for name, part in model.x.split(ca.DM(x)).items()}
+    other = {"right": "left", "left": "right"}
+    image = {}
+    for name, value in parts.items():
+        stem, _, wing = name.rpartition("_")
+        image[f"{stem}_{other[wing]}" if wing in other else name] = value * signs.get(name, 1)
+    return np.concatenate([image[part.name] for part in model.x.parts])
+
+
+def test_a_mirror_image_has_the_same_eigenvalues(model, start):
+    rng = np.random.default_rng(0)
+    x = start.x + 0.02 * rng.normal(size=start.x.size)
+    x[:4] /= np.linalg.norm(x[:4])
+    both = [cc.linearize(model, state, start.u).A for state in (x, mirrored(model, x))]
+    roots = [np.linalg.eigvals(matrix) for matrix in both]
+    near = np.abs(roots[0][:, None] - roots[1]).min(axis=1)
+    assert np.max(near) < 1e-12 * np.max(np.abs(roots[0]))
+
+
+def test_symmetric_flight_stays_symmetric(model, start):
+    x = start.x.copy()
+    x[model.x.slices["twist"]] += [0, 0.05, 0, 1.0, 0, -0.5]
+    times = np.linspace(0, 10, 3)
+    found = cc.simulate(model, x, times, u=start.u, method="implicit_midpoint", dt=0.02)
+    assert np.ptp(found.part("position")[2]) > 1  # it does move
+    for name, rows in {"quaternion_wxyz": [1, 3], "position": [1], "twist": [0, 2, 4]}.items():
+        assert_allclose(found.part(name)[rows], 0, atol=1e-10)
+    for name in ("q", "q_dot", "lag"):
+        right, left = (found.part(f"{name}_{side}") for side in ("right", "left"))
+        assert_allclose(right, left, atol=1e-10)
+
+
+def test_modes_have_their_names(model, modes):
+    named = [mode.name for mode in modes][:5]
+    assert named == ["phugoid", "short period", "dutch roll", "spiral", "roll"]
+    assert len(modes.eigenvalues) + np.sum(modes.eigenvalues.imag > 0) == model.x.errors.size - 4
+    # Lanchester's phugoid, √2 g/V, of an aircraft without short period and drag.
+    phugoid = modes["phugoid"].eigenvalue
+    assert_allclose(abs(phugoid), np.sqrt(2) * 9.80665 / SPEED, rtol=0.5)
+    rows = model.x.errors.slices
+    for name in ("phugoid", "short period"):
+        shape = modes[name].shape
+        assert_allclose(shape[rows["q_right"]], shape[rows["q_left"]], atol=1e-9)
+    for name in ("dutch roll", "spiral", "roll"):
+        shape = modes[name].shape
+        assert_allclose(shape[rows["q_right"]], -shape[rows["q_left"]], atol=1e-9)
+    assert modes["dutch roll"].time_to_half < 0 < modes["spiral"].time_to_half
+    assert not modes.stable
+    assert "dutch roll" in str(modes)
+
+
+def test_a_mode_is_an_eigenvector_of_the_linear_model(model, start, modes):
+    matrix = cc.linearize(model, start.x, start.u).A
+    rows = model.x.errors.slices
+    free = np.ones(len(matrix), dtype=bool)
+    free[rows["position"]] = False
+    free[rows["quaternion_wxyz"]] = False  # heading follows
+    for mode in modes.modes[:5]:
+        left = matrix @ mode.shape - mode.eigenvalue * mode.shape
+        assert_allclose(left[free], 0, atol=1e-9)
+
+
+def test_what_is_no_trim_of_the_model_is_named(model, trimmed):
+    with pytest.raises(ValueError, match="trim: expected a flight in balance"):
+        cc.trimmed_state(model, replace(trimmed, trimmed=False))
+    with pytest.raises(ValueError, match=r"model: expected an aircraft_model with the wings"):
+        cc.flight_modes(model, replace(trimmed, q={"right": trimmed.q["right"]}))
+    with pytest.raises(ValueError, match=r"model: expected the inputs \['elevator'\] of the trim"):
+        cc.flight_modes(model, replace(trimmed, inputs={"elevator": 0.0}))
+    with pytest.raises(KeyError, match="short period"):
+        cc.flight_modes(model, trimmed)["short_period"]

@@ -80,7 +80,8 @@ def trimmed_state(model: ControlModel, trim: TrimResult, p: Number | None = None
         residual, matrix = (f(value, parameters).full() for f in (rest, slope))
         # Every row by the sizes of its terms, every column by that of its unknown.
         scaled = matrix[:, unknowns.free] * unknowns.scales[unknowns.free]
-        rows = np.abs(scaled).sum(axis=1) + np.finfo(float).tiny
+        rows = np.abs(scaled).sum(axis=1)
+        rows = np.where(rows > 0, rows, 1.0)
         left_over = residual.ravel() / rows
         before, size = size, float(np.max(np.abs(left_over)))
         if not size < before / 2 and size < TOLERANCE:

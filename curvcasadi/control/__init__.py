@@ -9,6 +9,7 @@ from curvcasadi.control.flutter import Flutter, flutter
 from curvcasadi.control.kinematic_model import kinematic_model
 from curvcasadi.control.linearize import LinearModel, linearize
 from curvcasadi.control.model import ControlModel, SecondOrder
+from curvcasadi.control.response import frequency_response, power_spectrum, rms_in_turbulence
 from curvcasadi.control.second_order import second_order_model
 from curvcasadi.control.simulation import Simulation, simulate
 from curvcasadi.control.step import rk4_step, step_function
@@ -29,11 +30,14 @@ __all__ = [
     "difference",
     "flight_modes",
     "flutter",
+    "frequency_response",
     "kinematic_model",
     "linearize",
     "modal_damping",
+    "power_spectrum",
     "retract",
     "rk4_step",
+    "rms_in_turbulence",
     "second_order_model",
     "simulate",
     "step_function",

@@ -84,6 +84,7 @@ _PICTURES = (
     "plot_basis",
     "plot_estimate",
     "plot_modes",
+    "plot_motion",
     "plot_placement",
     "plot_shape",
     "plot_trim",

@@ -17,6 +17,7 @@ from curvcasadi.files.toml_reader import Key, Keys
 #: Modules that read tables, by the file in which these stand.
 MODULES = {
     "Wing files": ("wing", "sections", "loads"),
+    "Motion in a wing file": ("scenario",),
     "Sensors and filter in a wing file": ("sensors", "estimation"),
     "Aircraft files": ("aircraft", "aerodynamics"),
 }

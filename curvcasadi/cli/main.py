@@ -18,6 +18,7 @@ from curvcasadi.cli import (
     export as export_command,
     info as info_command,
     shape as shape_command,
+    simulate as simulate_command,
     target as target_command,
     template as template_command,
     trim as trim_command,
@@ -80,6 +81,7 @@ def _parser() -> argparse.ArgumentParser:
     shape_command.add_parser(commands)
     target_command.add_parser(commands)
     equilibrium_command.add_parser(commands)
+    simulate_command.add_parser(commands)
     trim_command.add_parser(commands)
     estimate_command.add_parser(commands)
     export_command.add_parser(commands)

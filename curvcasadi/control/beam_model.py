@@ -20,6 +20,7 @@ from curvcasadi.dynamics import (
     system,
 )
 from curvcasadi.dynamics.inverse import root_wrench
+from curvcasadi.dynamics.mass import check_invertible
 from curvcasadi.kinematics.pose_function import tip_function
 from curvcasadi.kinematics.shape import curvature
 from curvcasadi.statics.energy import stiffness_matrix
@@ -104,7 +105,8 @@ def beam_model(
     Raises
     ------
     ValueError
-        If a symbol is neither an input nor a parameter, or as `inverse_dynamics`.
+        If a symbol is neither an input nor a parameter, there are fewer masses than weights, or as
+        `inverse_dynamics`.
     """
     n = instance("beam", beam, Beam).basis.n
     wanted = [choice("outputs", key, OUTPUTS) for key in sequence("outputs", outputs)]
@@ -116,6 +118,7 @@ def beam_model(
     stiffness = ca.MX(ca.densify(stiffness_matrix(beam)))
     matrix = damping_matrix(damping, n, stiffness)
     force = inverse_dynamics(beam, q, q_dot, q_ddot, loads) + matrix @ q_dot
+    check_invertible(system.build(beam, loads, None, {"q": q}))
     matrices = [ca.MX(ca.densify(mass_matrix(beam, q, loads))), matrix, stiffness]
     _refuse_unnamed(force, [*states, *symbols.values()], "an input or a parameter")
     for value in matrices:

@@ -10,12 +10,15 @@ from curvcasadi.files.history import (
 )
 from curvcasadi.files.modes import load_modes, modal_basis, write_modes
 from curvcasadi.files.nastran import load_nastran_modes
+from curvcasadi.files.scenario import Scenario, TimedLoad, load_scenario, simulate_scenario
 from curvcasadi.files.sharpy import load_sharpy_sections
 from curvcasadi.files.simulation import write_simulation
 from curvcasadi.files.wing import FAMILIES as FAMILIES, WingFile, load_beam, load_wing
 
 __all__ = [
     "EstimationFile",
+    "Scenario",
+    "TimedLoad",
     "WingFile",
     "load_aircraft",
     "load_beam",
@@ -23,9 +26,11 @@ __all__ = [
     "load_estimation",
     "load_modes",
     "load_nastran_modes",
+    "load_scenario",
     "load_sharpy_sections",
     "load_wing",
     "modal_basis",
+    "simulate_scenario",
     "write_modes",
     "write_simulation",
 ]

@@ -70,7 +70,7 @@ _LIMIT = toml.REAL | toml.list_of(toml.REAL, "a list of numbers")
 
 WING = Keys(
     place="a wing file",
-    meaning="One beam, its loads, and what is needed to estimate its shape.",
+    meaning="One beam, its loads, and what is needed to simulate it and to estimate its shape.",
     required={
         "beam": Key(toml.table_of(), "length, root and bounds"),
         "basis": Key(toml.table_of(), "the functions of which the curvature is made"),
@@ -84,6 +84,7 @@ WING = Keys(
         "airstream": Key(toml.table_of(), "the air that flows past the wing; needs aerodynamics"),
         "sensors": Key(toml.TABLES, "sensors on the wing, for `curvcasadi estimate`"),
         "estimation": Key(toml.table_of(), "the filter, for `curvcasadi estimate`"),
+        "simulation": Key(toml.table_of("duration"), "a motion, for `curvcasadi simulate`"),
     },
 )
 AIRSTREAM = Keys(
@@ -290,7 +291,8 @@ def load_wing(path: str | Path) -> WingFile:
     """Beam and loads of a wing file.
 
     The file has the tables beam, basis and grid, and optionally section, bodies and loads. The
-    tables sensors and estimation may stand there, too; `load_estimation` reads them.
+    tables sensors and estimation may stand there, too, which `load_estimation` reads, and
+    simulation, which `load_scenario` reads.
 
     Parameters
     ----------

@@ -8,6 +8,7 @@ from curvcasadi.plotting.basis import plot_basis
 from curvcasadi.plotting.estimate import plot_estimate
 from curvcasadi.plotting.figures import save_figure
 from curvcasadi.plotting.modes import plot_modes
+from curvcasadi.plotting.motion import plot_motion
 from curvcasadi.plotting.placement import plot_placement
 from curvcasadi.plotting.shape import plot_shape
 from curvcasadi.plotting.trim import plot_trim
@@ -17,6 +18,7 @@ __all__ = [
     "plot_basis",
     "plot_estimate",
     "plot_modes",
+    "plot_motion",
     "plot_placement",
     "plot_shape",
     "plot_trim",

@@ -83,7 +83,7 @@ def animate_shape(
         where the program ffmpeg is missing.
     """
     writer_class = _writer_class(Path(path))
-    times, weights = simulated(times, weights)
+    wing, times, weights = simulated(wing, times, weights)
     wings = half_wings(wing, weights, times, both=both, strips=strips)
     count = len(wings[0].history.times)
     if count < 2:

@@ -40,13 +40,27 @@ class HalfWing(NamedTuple):
         return shape.positions[sample] + y * ahead, shape.positions[sample] + y * behind
 
 
-def simulated(times: Array | None, weights: Any, model_part: str = "q") -> tuple[Array | None, Any]:
-    """Times and weights (T, n), of a `Simulation` its own."""
+def simulated(wing: Flying, times: Array | None, weights: Any) -> tuple[Flying, Array | None, Any]:
+    """Wing, times and weights (T, n), those of a `Simulation` by name of the wing of an aircraft.
+
+    Bounds of weights do not hold in a simulation, so that its wing has none.
+    """
     if not isinstance(weights, Simulation):
-        return times, weights
+        return wing, times, weights
     if times is not None:
         raise ValueError("times: expected None with a Simulation, which has its own")
-    return weights.t, weights.part(model_part).T
+    if isinstance(wing, Aircraft):
+        flown = {part.name: weights.part(f"q_{part.name}").T for part in wing.beams}
+        beams = tuple(_unbounded(part) for part in wing.beams)
+        return replace(wing, beams=beams), weights.t, flown
+    return _unbounded(wing), weights.t, weights.part("q").T
+
+
+def _unbounded(wing: Any) -> Any:
+    """A beam or wing without bounds of its weights."""
+    if isinstance(wing, Wing):
+        return replace(wing, beam=replace(wing.beam, weight_bounds=None))
+    return replace(wing, weight_bounds=None)
 
 
 def half_wings(

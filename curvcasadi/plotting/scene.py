@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
@@ -103,7 +104,7 @@ def _draw_wing(axes: Any, wing: HalfWing, sample: int, label: str, local_axes: b
     )
     if wing.beam.bodies:
         at = np.searchsorted(stations, [body.xi for body in wing.beam.bodies])
-        offsets = np.column_stack([np.ravel(body.offset) for body in wing.beam.bodies])
+        offsets = np.hstack([ca.DM(body.offset).full() for body in wing.beam.bodies])
         centers = p[:, at] + np.einsum("kij,ik->jk", D[at], offsets)
         artists += _draw_masses(axes, centers, f"{label}bodies")
     arrows = np.isin(stations, _spaced(wing.beam.stations))

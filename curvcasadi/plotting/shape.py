@@ -88,9 +88,10 @@ def plot_shape(
     ValueError
         If `shape_map` refuses `q`, or a load or a chord cannot be drawn.
     """
-    _, weights = simulated(None, q)
+    wing, _, weights = simulated(wing, None, q)
     if isinstance(q, Simulation):
-        weights = weights[-1]
+        flown = isinstance(weights, Mapping)
+        weights = {key: w[-1] for key, w in weights.items()} if flown else weights[-1]
     aircraft = wing if isinstance(wing, Aircraft) else None
     if aircraft is not None and (loads or targets or strips is not None):
         raise ValueError("loads, targets, strips: expected with a Beam or Wing, found an Aircraft")

@@ -9,6 +9,7 @@ from curvcasadi.control.flutter import Flutter, flutter
 from curvcasadi.control.kinematic_model import kinematic_model
 from curvcasadi.control.linearize import LinearModel, linearize
 from curvcasadi.control.model import ControlModel, SecondOrder
+from curvcasadi.control.projection import project_state
 from curvcasadi.control.response import frequency_response, power_spectrum, rms_in_turbulence
 from curvcasadi.control.second_order import second_order_model
 from curvcasadi.control.simulation import Simulation, simulate
@@ -35,6 +36,7 @@ __all__ = [
     "linearize",
     "modal_damping",
     "power_spectrum",
+    "project_state",
     "retract",
     "rk4_step",
     "rms_in_turbulence",

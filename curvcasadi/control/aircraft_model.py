@@ -10,6 +10,7 @@ import casadi as ca
 from curvcasadi.aero.gust import GustEntry, GustField
 from curvcasadi.aero.induced import LiftingLine
 from curvcasadi.aero.lag_states import IndicialLag
+from curvcasadi.aero.unsteady import state_parts
 from curvcasadi.aircraft.flight_equations import (
     FlightEquations,
     FlightState,
@@ -25,6 +26,7 @@ from curvcasadi.aircraft.free_motion import offsets_of
 from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
+from curvcasadi.control.spans import Span, air_spans, curvature_spans
 from curvcasadi.kinematics.pose_function import tip_function
 from curvcasadi.lie import quaternion
 from curvcasadi.statics.energy import stiffness_matrix
@@ -117,6 +119,7 @@ def aircraft_model(
         motion=motion,
         output=output,
         real=aircraft.beams[0].beam.grid.real,
+        spans=_spans(aircraft, equations, lag, gusts),
     )
 
 
@@ -163,6 +166,19 @@ def _gusts(gust: Gust, entry: GustEntry) -> _Gusts:
             f"found {gust!r}"
         )
     return _Gusts(entry, time, lambda position, p: ca.vertcat(0, 0, -gust(p)))
+
+
+def _spans(
+    aircraft: Aircraft, equations: FlightEquations, lag: IndicialLag | None, gusts: _Gusts
+) -> dict[str, tuple[Span, ...]]:
+    """Functions along the span of the wings' weights and of the states of the air."""
+    found: dict[str, tuple[Span, ...]] = {}
+    for wing in aircraft.beams:
+        found |= curvature_spans(wing.beam.basis, wing.name)
+    for part in aircraft.beams:
+        if part.name in equations.states and part.strips is not None:
+            found[f"lag_{part.name}"] = air_spans(state_parts(part.strips, lag, gusts.entry))
+    return found
 
 
 def _air(

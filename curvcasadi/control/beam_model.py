@@ -12,6 +12,7 @@ from curvcasadi.beam.beam import Beam
 from curvcasadi.control.damping import damping_matrix
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
+from curvcasadi.control.spans import curvature_spans
 from curvcasadi.dynamics import (
     inverse_dynamics,
     inverse_dynamics_function,
@@ -164,6 +165,7 @@ def beam_model(
         motion=motion,
         output=ca.Function(f"{name}_nothing", [x, u, p], [ca.MX(0, 1)]),
         real=beam.grid.real,
+        spans=curvature_spans(beam.basis),
     )
     of_shape = _shape_outputs(f"{name}_shape", beam, curvature_stations, wanted, symbols)
     named = dict(zip(symbols, [*u_values, *p_values], strict=True))

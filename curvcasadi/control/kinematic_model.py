@@ -9,6 +9,7 @@ import numpy as np
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.control.model import ControlModel
+from curvcasadi.control.spans import curvature_spans
 from curvcasadi.kinematics.element import ON_GROUP
 from curvcasadi.kinematics.pose_function import pose_function, tip_function
 from curvcasadi.kinematics.resolution import elements_that_may_exceed
@@ -98,6 +99,7 @@ def kinematic_model(
         ),
         angles=_angles(beam),
         pose=_pose(beam),
+        spans={"q": curvature_spans(beam.basis)["q"]},
     )
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import casadi as ca
 
+from curvcasadi.control.spans import Span
 from curvcasadi.lie import quaternion
 from curvcasadi.symbolic.expressions import Real
 from curvcasadi.symbolic.layout import Layout
@@ -78,6 +80,9 @@ class ControlModel:
         these names, from one evaluation.
     second_order : SecondOrder or None
         Its equations of motion, where it has inertia.
+    spans : mapping of str to tuple
+        By name of a part of the state, the functions along the span whose weights it holds, in
+        order; what `project_state` goes by.
     """
 
     name: str
@@ -91,6 +96,7 @@ class ControlModel:
     angles: ca.Function | None = None
     pose: ca.Function | None = None
     second_order: SecondOrder | None = None
+    spans: Mapping[str, tuple[Span, ...]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"<ControlModel {self.name}: {self.x.size} states, {self.u.size} inputs>"

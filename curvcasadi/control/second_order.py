@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import casadi as ca
 import numpy as np
 
 from curvcasadi.control.model import ControlModel, SecondOrder, configuration_rates
+from curvcasadi.control.spans import Span
 from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.expressions import Real
 from curvcasadi.symbolic.layout import Layout
@@ -21,6 +24,7 @@ def second_order_model(
     motion: SecondOrder,
     output: ca.Function,
     real: Real = "double",
+    spans: Mapping[str, tuple[Span, ...]] | None = None,
 ) -> ControlModel:
     """The control model with the equations of motion `motion`.
 
@@ -40,6 +44,8 @@ def second_order_model(
         (x, u, p) -> y.
     real : {"double", "float"}
         Arithmetic that the model is made for.
+    spans : mapping of str to tuple, optional
+        As in `ControlModel`.
 
     Returns
     -------
@@ -64,7 +70,16 @@ def second_order_model(
         nominal={"xdot": end},
     )
     return ControlModel(
-        name=name, x=x, u=u, p=p, y=y, xdot=xdot, output=output, real=real, second_order=motion
+        name=name,
+        x=x,
+        u=u,
+        p=p,
+        y=y,
+        xdot=xdot,
+        output=output,
+        real=real,
+        second_order=motion,
+        spans=spans or {},
     )
 
 

@@ -24,6 +24,7 @@ from curvcasadi.control.beam_model import CURVATURE_STATIONS
 from curvcasadi.control.damping import damping_matrix
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
+from curvcasadi.control.spans import air_spans, curvature_spans
 from curvcasadi.control.wing_outputs import (
     ACCELERATED,
     OUTPUTS,
@@ -158,7 +159,8 @@ def wing_model(
             induced_flow=induced_flow,
         )
 
-    size = state_parts(strips, lag, gust).size
+    of_air = state_parts(strips, lag, gust)
+    size = of_air.size
     states = ca.MX.sym("lag", size)
     load = load_of(states)
     symbols = {**({"lag": states} if size else {}), **inputs, **parameters}
@@ -193,6 +195,7 @@ def wing_model(
         motion=motion,
         output=ca.Function(f"{name}_nothing", [*map(ca.MX.sym, "xup")], [ca.MX(0, 1)]),
         real=beam.grid.real,
+        spans=curvature_spans(beam.basis) | ({"lag": air_spans(of_air)} if size else {}),
     )
     y = output_layout(wanted, places)
     around = Surroundings(load, root, symbols)

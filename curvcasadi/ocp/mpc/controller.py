@@ -419,7 +419,7 @@ class Mpc:
             part, name = penalty.part, f"reference[{penalty.part.name!r}]"
             if part.name in reference:
                 value = reference[part.name]
-                if penalty.is_rotation and getattr(value, "shape", np.shape(value)) == (3, 3):
+                if penalty.is_rotation and _shape(value) == (3, 3):
                     value = rotation_matrix(name, value).full().ravel(order="F")
                 rows.append(_columns(name, part, value, self.horizon))
             else:
@@ -461,6 +461,11 @@ def _known(name: str, parts: Sequence[Part], key: str) -> Part:
             return part
     names = ", ".join(part.name for part in parts) or "none"
     raise ValueError(f"{name}: expected names among {names}, found {key!r}")
+
+
+def _shape(value: Number) -> tuple[int, ...]:
+    """Shape of an array or of a DM, which numpy is not asked for."""
+    return tuple(value.shape) if hasattr(value, "shape") else np.shape(value)
 
 
 def _listed(layout: Layout) -> str:

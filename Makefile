@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test quick docs target-test fault-test benchmarks figures clean
+.PHONY: demo test quick docs target-test fault-test versions benchmarks figures clean
 
 demo: $(VENV)/installed
 	@command -v gcc >/dev/null || { echo "make demo compiles C: gcc is missing (Debian: apt-get install gcc)"; exit 1; }
@@ -34,6 +34,9 @@ target-test: $(VENV)/installed-test
 fault-test: $(VENV)/installed-test
 	$(BIN)/python -m codegen.faults
 	$(BIN)/python -m codegen.faults.programs
+
+versions: $(VENV)/installed-test
+	$(BIN)/python .ci/versions.py
 
 benchmarks: $(VENV)/installed-test
 	$(BIN)/python -m benchmarks

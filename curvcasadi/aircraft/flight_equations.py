@@ -159,7 +159,7 @@ def air_rates(
         known |= {"q_dot": state.q_dot[wing.name], "lag": state.lag[wing.name]}
         if wind is not None:
             points, _ = pose_function("strips", wing.beam, strip_points(wing))(known["q"])
-            known["gust"] = _gusts(state, points, wind)
+            known["gust"] = gusts_at(state, points, wind)
         found.append(function(*(known[name] for name in function.name_in())))
     for surface in equations.aircraft.surfaces:
         if surface.name in equations.states:
@@ -192,14 +192,14 @@ def _of_surface(
 ) -> tuple[AnyExpr, AnyExpr]:
     """Wrench on a surface, body axes, and the rates of its states."""
     lag = state.lag.get(surface.name, ca.DM(0, 1))
-    gust = ca.DM.zeros(3) if wind is None else _gusts(state, surface.pose.position, wind)
+    gust = ca.DM.zeros(3) if wind is None else gusts_at(state, surface.pose.position, wind)
     deflections = [inputs[name] for name in surface.strips.inputs]
     function = equations.surfaces[surface.name]
     wrench, rates = function(state.twist, twist_rate, lag, gust, *deflections)
     return wrench, rates
 
 
-def _gusts(state: FlightState, points: AnyExpr, wind: Wind) -> AnyExpr:
+def gusts_at(state: FlightState, points: AnyExpr, wind: Wind) -> AnyExpr:
     """Velocities of the gust (3, N), body axes, at points (3, N), m, body axes."""
     at = [state.position + state.attitude @ point for point in ca.horzsplit(points)]
     return state.attitude.T @ ca.horzcat(*(wind(position) for position in at))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple, TypeAlias
 
 import casadi as ca
@@ -24,19 +25,29 @@ from curvcasadi.aircraft.free_air import FreeAir
 from curvcasadi.aircraft.free_flight import STANDARD_GRAVITY, free_momenta
 from curvcasadi.aircraft.free_motion import offsets_of
 from curvcasadi.aircraft.parts import Aircraft
+from curvcasadi.control.flight_outputs import Chosen, chosen, flight_outputs, output_names
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
 from curvcasadi.control.spans import Span, air_spans, curvature_spans
-from curvcasadi.kinematics.pose_function import tip_function
 from curvcasadi.lie import quaternion
 from curvcasadi.statics.energy import stiffness_matrix
-from curvcasadi.symbolic.expressions import AnyExpr, function_name, instance, positive
+from curvcasadi.symbolic.expressions import (
+    AnyExpr,
+    choice,
+    function_name,
+    instance,
+    positive,
+    sequence,
+    station,
+)
 from curvcasadi.symbolic.layout import Layout, Part
 
 #: The lag of the air unless the user says otherwise.
 LAG = IndicialLag(poles=3, modes=3)
 #: How strips follow a gust unless the user says otherwise.
 ENTRY = GustEntry()
+#: Stations of outputs unless the user says otherwise.
+STATIONS = (0.0, 0.5, 1.0)
 #: An upward gust whose velocity is a parameter, one in space and time, or one in time, s -> m/s up.
 Gust: TypeAlias = GustEntry | GustField | Callable[[AnyExpr], AnyExpr] | None
 
@@ -51,6 +62,8 @@ def aircraft_model(
     damping: float = 0.0,
     gust: Gust = None,
     entry: GustEntry = ENTRY,
+    outputs: Sequence[str] | None = None,
+    stations: Sequence[float] = STATIONS,
     name: str = "aircraft",
 ) -> ControlModel:
     """A rigid body with flexible wings and rigid surfaces that flies freely.
@@ -58,8 +71,27 @@ def aircraft_model(
     The state is the attitude of the body axes (a unit quaternion, body to inertial axes), the
     position of the body origin (north, east, down), q of each wing, the body twist (rad/s, m/s) at
     the body origin, q_dot of each wing, and the states of the air of each wing and surface, m/s
-    (`UnsteadyAirload`). The inputs are deflections, rad, then thrusts, N. The outputs are the tip
-    position of each wing, body axes, m.
+    (`UnsteadyAirload`). The inputs are deflections, rad, then thrusts, N.
+
+    Outputs are known by their names: first those of the body, then those of each wing, behind which
+    stand an underscore and its name, as in "root_moment_right". Those of stations stand station by
+    station.
+
+    ==================  ========================================================================
+    height              of the body origin, m
+    airspeed            of the body origin in air without gusts, m/s
+    angle_of_attack     of the body x axis there, rad
+    sideslip            likewise, rad
+    acceleration        3, m/s², body axes: what an accelerometer at the body origin reads
+    load_factor         that along −z over 9.80665 m/s²
+    ..._<wing>          tip_position, tip_rotation, curvature, root_moment, root_force,
+                        station_position, station_rotation, angular_rate, acceleration, load_factor,
+                        angle_of_attack: as of `wing_model`, positions and rotations in body axes,
+                        the last two of wings with airfoil data
+    ==================  ========================================================================
+
+    Those of loads and accelerations solve the equations of motion: ask for what is needed where
+    time counts.
 
     Parameters
     ----------
@@ -81,6 +113,10 @@ def aircraft_model(
         `OneMinusCosine`, m/s upward, is met by all of them at once.
     entry : GustEntry
         How the strips follow a gust that is not a `GustEntry` itself.
+    outputs : sequence of str, optional
+        Names of the outputs that are wanted; all unless given. They stand in the order above.
+    stations : sequence of float
+        Stations s/L in [0, 1] of the outputs of each wing.
     name : str
         Name of the model and of its Functions.
 
@@ -103,24 +139,39 @@ def aircraft_model(
     equations = flight_equations(
         aircraft, _air(density, lag, gusts, induced_flow), float(gravity), name
     )
+    wanted = _wanted(aircraft, outputs, stations)
     x, u, p = _layouts(equations, gusts)
     symbols = {key: ca.MX.sym(key, part.size) for key, part in (("x", x), ("u", u), ("p", p))}
-    motion = _motion(name, equations, x, u, symbols, gusts, beta)
-    state = flight_state(aircraft, x.split(symbols["x"]))
-    tips = {f"tip_{w.name}": tip_function(w.beam)(state.q[w.name])[0] for w in aircraft.beams}
-    y = Layout(tuple(Part(key, 3, "m") for key in tips))
-    output = ca.Function(f"{name}_output", [*symbols.values()], [y.join(tips)], [*symbols], ["y"])
-    return second_order_model(
+    model = second_order_model(
         name=name,
         x=x,
         u=u,
         p=p,
-        y=y,
-        motion=motion,
-        output=output,
+        y=wanted.layout,
+        motion=_motion(name, equations, x, u, symbols, gusts, beta),
+        output=ca.Function(f"{name}_nothing", [*symbols.values()], [ca.MX(0, 1)]),
         real=aircraft.beams[0].beam.grid.real,
         spans=_spans(aircraft, equations, lag, gusts),
     )
+    rates = model.xdot(*symbols.values()) if wanted.accelerated else ca.MX(x.size, 1)
+    y = flight_outputs(
+        f"{name}_motion",
+        equations,
+        flight_state(aircraft, x.split(symbols["x"])),
+        x.split(rates),
+        u.split(symbols["u"]),
+        gusts.wind(symbols["p"]),
+        wanted,
+    )
+    output = ca.Function(f"{name}_output", [*symbols.values()], [y], [*symbols], ["y"])
+    return replace(model, output=output)
+
+
+def _wanted(aircraft: Aircraft, outputs: Sequence[str] | None, stations: Sequence[float]) -> Chosen:
+    names = output_names(aircraft.beams)
+    asked = names if outputs is None else sequence("outputs", outputs)
+    places = [station("stations", xi) for xi in sequence("stations", stations)]
+    return chosen(aircraft.beams, [choice("outputs", key, names) for key in asked], places)
 
 
 def flight_state(aircraft: Aircraft, parts: Mapping[str, AnyExpr]) -> FlightState:

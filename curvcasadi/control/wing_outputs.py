@@ -1,9 +1,9 @@
-"""What a clamped wing in a stream shows: poses, motion and angles at stations, loads at its root.
+"""What a wing in the air shows: poses, motion and angles at stations, loads at its root.
 
 A station has its pose and local twist, its acceleration less gravity, f = Rᵀ (p̈ − g), what an
 accelerometer reads, and the angle of attack at three quarters of its chord. Their derivatives are
 those of one station by its local motion, and of the motion by the fields of one march: with the
-sums A, B of the Jacobian and G = B + A × p,
+sums A, B of the Jacobian and G = B + A × p, the motion of the root included,
 
     df/dq = Rᵀ (B″ + A″ × p + 2 A′ × ṗ − g × A),   df/dq̇ = 2 Rᵀ (G′ + A × ṗ),   df/dq̈ = Rᵀ G
 """
@@ -28,8 +28,8 @@ from curvcasadi.kinematics.motion import Motion, motion_states
 from curvcasadi.kinematics.pose_function import tip_function
 from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.kinematics.shape import curvature
-from curvcasadi.kinematics.state import StateLayout
-from curvcasadi.lie import so3
+from curvcasadi.kinematics.state import StateLayout, StationMotion
+from curvcasadi.lie import se3, so3
 from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.expressions import AnyExpr
 from curvcasadi.symbolic.layout import Layout, Part
@@ -54,12 +54,17 @@ OUTPUTS = (*TIP, *CURVATURE, *ROOT, *STATION)
 ACCELERATED = {*ROOT, "acceleration", "load_factor"}
 
 
+#: Where the data of the section begin among those of a station.
+_PACKED = 30
+
+
 class Surroundings(NamedTuple):
     """What the outputs need beside the wing."""
 
     load: UnsteadyAirload
     root: RootMotion
     symbols: Mapping[str, ca.MX]  #: lag states, inputs and parameters by name
+    gusts: AnyExpr | None = None  #: (3, stations), parent axes, in place of that of the load
 
 
 def output_layout(outputs: Collection[str], stations: Sequence[float]) -> Layout:
@@ -96,13 +101,13 @@ def output_function(
         position, rotation = tip_function(wing.beam)(states["q"])
         values |= {"tip_position": position, "tip_rotation": ca.vec(rotation)}
     if not set(asked).isdisjoint(STATION):
-        motions = _motion_function(f"{name}_motion", wing, around, stations)
+        motions = motion_function(f"{name}_motion", wing, around, stations)
         values |= motions(**inputs)
     stacked = y.join({key: values[key] for key in asked})
     return ca.Function(name, [*inputs.values()], [stacked], [*inputs], ["y"])
 
 
-def _motion_function(
+def motion_function(
     name: str, wing: Wing, around: Surroundings, stations: Sequence[float]
 ) -> ca.Function:
     """Inputs as of `output_function` -> the outputs `STATION`, with structured derivatives."""
@@ -110,17 +115,26 @@ def _motion_function(
     states = {key: ca.MX.sym(key, n) for key in ("q", "q_dot", "q_ddot")}
     parameters = ca.veccat(*around.symbols.values())
     to_parent, to_root = around.root.pose.rotation.T, beam.root.rotation.T
-    stream = load.flow.velocity - to_parent @ (load.flow.wind + load.gust)
-    gravity = to_parent @ around.root.gravity
+    gusts = around.gusts
+    if gusts is None:
+        gusts = ca.repmat(to_parent @ load.gust, 1, len(stations))
+    stream = load.flow.velocity - to_parent @ load.flow.wind
+    streams = to_root @ (ca.repmat(stream, 1, len(stations)) - gusts)
+    gravity, root = to_parent @ around.root.gravity, around.root
     frames = ca.vertcat(
-        to_root @ stream, to_root @ gravity, ca.vec(beam.root.rotation), beam.root.position
+        to_root @ gravity,
+        ca.vec(beam.root.rotation),
+        beam.root.position,
+        root.twist,
+        root.twist_rate,
     )
     placed = list(dict.fromkeys(stations))
+    motion = Motion(**states, root_twist=root.twist, root_twist_rate=root.twist_rate)
     plain, sloped = (
         dict(
             zip(
                 placed,
-                motion_states(chain.build(beam, placed), Motion(**states), 2, jacobian),
+                motion_states(chain.build(beam, placed), motion, 2, jacobian),
                 strict=True,
             )
         )
@@ -128,9 +142,9 @@ def _motion_function(
     )
     ends = np.cumsum([0, *(size for size, _ in STATION.values())]).tolist()
     rows, slopes = [], []
-    for xi in stations:
+    for k, xi in enumerate(stations):
         strip = section_data(load.strips, xi, {}, density=1.0, measure=1.0)
-        data = ca.vertcat(frames, strip.pack())
+        data = ca.vertcat(streams[:, k], frames, strip.pack())
         *by_states, by_data = _at_station(n)(sloped[xi], data)
         slope = ca.horzcat(*by_states, by_data @ ca.jacobian(data, parameters))
         rows.append(ca.vertsplit(_at_station(0)(plain[xi], data), ends))
@@ -146,23 +160,16 @@ def _motion_function(
 def _at_station(columns: int) -> ca.Function:
     """(state, data) -> outputs of a station; with `columns` of sums their slopes instead.
 
-    Data are the velocity through the air and gravity in root axes, the root's pose in the body, and
-    `SectionData`. Slopes are those by q, q_dot, q_ddot and data.
+    Data are the velocity through the air and gravity in root axes, the root's pose in the body, its
+    twist and the rates of that, and `SectionData`. Slopes are those by q, q_dot, q_ddot and data.
     """
     layout = StateLayout(2, columns)
-    state, data = layout.symbol(), ca.SX.sym("data", 6 + 12 + section.SIZE)
+    state, data = layout.symbol(), ca.SX.sym("data", _PACKED + section.SIZE)
     at = layout.unpack(state)
     rotation, position, turning = at.rotation, at.position, at.twist[:3]
     velocity = at.twist[3:] + ca.cross(turning, position)
-    moving = at.acceleration[3:] + ca.cross(at.acceleration[:3], position)
-    moving += ca.cross(turning, velocity)
     gravity = data[3:6]
-    local = ca.veccat(
-        rotation,
-        position,
-        to_body(rotation, position, turning, at.twist[3:]),
-        rotation.T @ (moving - gravity),
-    )
+    local = _local(at, at.twist, at.acceleration, gravity)
     symbols = ca.SX.sym("local", 21)
     value = _outputs(symbols, data)
     if not columns:
@@ -184,9 +191,19 @@ def _at_station(columns: int) -> ca.Function:
     at_rest = ca.SX(12, columns)
     by_q_dot = ca.vertcat(at_rest, to_body(rotation, position, a, b), rotation.T @ pushed)
     by_q_ddot = ca.vertcat(at_rest, none, none, rotation.T @ point(a, b))
-    # Gravity also enters the acceleration, which is a local value.
+    # Gravity and the motion of the root enter the local values: a change of the root's twist adds
+    # itself everywhere, and turns what moves relative to the root.
+    change = ca.SX.sym("change", 12)
+    relative = at.twist - data[18:24]
+    carried = at.acceleration + change[6:] + se3.small_adjoint(change[:6]) @ relative
+    by_root = ca.jacobian(_local(at, at.twist + change[:6], carried, gravity), change)
+    (by_root,) = ca.substitute([by_root], [change], [ca.SX.zeros(12)])
     fallen = ca.horzcat(
-        ca.SX(21, 3), ca.vertcat(ca.SX(18, 3), -rotation.T), ca.SX(21, data.numel() - 6)
+        ca.SX(21, 3),
+        ca.vertcat(ca.SX(18, 3), -rotation.T),
+        ca.SX(21, 12),
+        by_root,
+        ca.SX(21, section.SIZE),
     )
     results = [
         by_local @ by_q,
@@ -199,12 +216,28 @@ def _at_station(columns: int) -> ca.Function:
     )
 
 
+def _local(at: StationMotion, twist: ca.SX, acceleration: ca.SX, gravity: ca.SX) -> ca.SX:
+    """Pose, twist and acceleration less gravity of a station, (21, 1), the last two in its axes."""
+    rotation, position, turning = at.rotation, at.position, twist[:3]
+    velocity = twist[3:] + ca.cross(turning, position)
+    moving = acceleration[3:] + ca.cross(acceleration[:3], position)
+    moving += ca.cross(turning, velocity)
+    return ca.SX(
+        ca.veccat(
+            rotation,
+            position,
+            to_body(rotation, position, turning, twist[3:]),
+            rotation.T @ (moving - gravity),
+        )
+    )
+
+
 def _outputs(local: ca.SX, data: ca.SX) -> ca.SX:
     """The outputs `STATION` from pose, twist and acceleration of the station, root axes."""
     ends = [0, 9, 12, 15, 18, 21]
     columns, position, rate, velocity, acceleration = ca.vertsplit(local, ends)
-    stream, _, root_rotation, origin, packed = ca.vertsplit(
-        data, [0, 3, 6, 15, 18, 18 + section.SIZE]
+    stream, _, root_rotation, origin, _, packed = ca.vertsplit(
+        data, [0, 3, 6, 15, 18, _PACKED, _PACKED + section.SIZE]
     )
     rotation, root = ca.reshape(columns, 3, 3), ca.reshape(root_rotation, 3, 3)
     strip = section.unpack(packed)

@@ -58,6 +58,19 @@ def test_a_steady_trim_is_an_equilibrium_of_the_model(model, trimmed, start):
         assert_allclose(rates[name], 0, atol=1e-11, err_msg=name)
 
 
+def test_outputs_of_trimmed_flight_are_those_of_the_trim(model, trimmed, start):
+    found = model.y.split(model.output(start.x, start.u, []))
+    assert_allclose(float(found["airspeed"]), SPEED, rtol=1e-13)
+    assert_allclose(float(found["angle_of_attack"]), trimmed.angle_of_attack, rtol=1e-10)
+    assert_allclose(float(found["sideslip"]), 0, atol=1e-12)
+    assert_allclose(float(found["load_factor"]), np.cos(trimmed.pitch), rtol=1e-12)
+    for wing, load in trimmed.root_loads.items():
+        own = ca.vertcat(found[f"root_moment_{wing}"], found[f"root_force_{wing}"])
+        assert_allclose(own.full().ravel(), load, atol=1e-9 * np.abs(load).max())
+        tip = trimmed.shapes[wing].tip.position
+        assert_allclose(found[f"tip_position_{wing}"], tip, atol=1e-10)
+
+
 def test_lag_functions_move_the_equilibrium_little(hale, trimmed):
     model = cc.aircraft_model(hale, density=DENSITY, lag=cc.IndicialLag(poles=2, modes=3))
     x, u = cc.trimmed_state(model, trimmed)

@@ -205,6 +205,50 @@ def test_mass_matrix_is_the_derivative_of_the_balance(model):
     assert_allclose(np.column_stack(columns), mass, atol=1e-11 * np.abs(mass).max())
 
 
+def test_derivatives_of_outputs_are_those_of_differences(model):
+    x, u, p = anywhere(model)
+    symbols = [ca.MX.sym(k, getattr(model, k).size) for k in "xup"]
+    slope = ca.Function(
+        "slope", symbols, [ca.jacobian(model.output(*symbols), ca.vertcat(*symbols))]
+    )
+    rng, h = np.random.default_rng(4), 1e-5
+    ends = [rng.normal(size=value.size) for value in (x, u, p)]
+    pairs = [*zip((x, u, p), ends, strict=True)]
+    ahead, behind = (model.output(*(v + s * h * d for v, d in pairs)) for s in (1, -1))
+    found = model.y.split((ahead - behind) / (2 * h))
+    expected = model.y.split(slope(x, u, p) @ ca.DM(np.concatenate(ends)))
+    assert len(found) == 6 + 2 * 11
+    for name, value in found.items():
+        assert float(ca.norm_inf(expected[name])) > 0, name
+        assert_allclose(value, expected[name], atol=1e-6 * float(ca.norm_inf(value)), err_msg=name)
+
+
+def test_stations_show_what_sensors_there_read(model):
+    x, u, p = anywhere(model)
+    found = model.y.split(model.output(x, u, p))
+    rates = model.x.split(model.xdot(x, u, p))
+    state = flight_state(aircraft(), model.x.split(ca.DM(x)))
+    for wing in aircraft().beams:
+        inward = adjoint(wing.beam.root)
+        root = cc.RootMotion(
+            pose=cc.Pose(rotation=state.attitude, position=state.position),
+            twist=inward @ state.twist,
+            twist_rate=inward @ rates["twist"],
+            gravity=[0, 0, 0],
+        )
+        sensors = [
+            kind(xi=xi, noise_density=1.0, rate=1.0)
+            for xi in (0.0, 0.5, 1.0)
+            for kind in (cc.Accelerometer, cc.RateGyro)
+        ]
+        motion = (state.q[wing.name], state.q_dot[wing.name], rates[f"q_dot_{wing.name}"])
+        read = cc.measure(sensors, wing.beam, *motion, root=root).values
+        readings = read.full().reshape(3, 2, 3)
+        for name, expected in (("acceleration", readings[:, 0]), ("angular_rate", readings[:, 1])):
+            value = found[f"{name}_{wing.name}"].full().reshape(3, 3)
+            assert_allclose(value, expected, atol=1e-10 * np.abs(expected).max())
+
+
 def test_a_gust_is_a_parameter_or_a_field():
     position, time = np.array([1.0, 2.0, 3.0]), ca.DM(0.4)
     wave = cc.OneMinusCosine(amplitude=2.0, duration=1.0)

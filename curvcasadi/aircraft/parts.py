@@ -15,7 +15,7 @@ from curvcasadi.aero.strip import with_upper_side
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.mirror import mirror
 from curvcasadi.beam.pose import Pose, checked_pose
-from curvcasadi.beam.section import semidefinite
+from curvcasadi.beam.section import rigid_inertia
 from curvcasadi.loads.kinds import Gravity
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
@@ -53,7 +53,7 @@ class RigidBody:
         center = expression("RigidBody.center_of_mass", self.center_of_mass, (3, 1))
         object.__setattr__(self, "center_of_mass", center)
         if self.inertia is not None:
-            object.__setattr__(self, "inertia", semidefinite("RigidBody.inertia", self.inertia))
+            object.__setattr__(self, "inertia", rigid_inertia("RigidBody.inertia", self.inertia))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -32,6 +32,8 @@ _PLACES = {name: (i, i) for i, name in enumerate(RIGIDITIES)} | COUPLINGS
 
 #: An eigenvalue of an inertia may be negative by this fraction of the largest: rounding of tables.
 _ROUNDING = 1e-9
+#: A principal moment of a body may exceed the sum of the others by this fraction of it.
+_TABLES = 1e-6
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -250,7 +252,7 @@ class Body:
         own_fields(self)
         object.__setattr__(self, "xi", station("Body.xi", self.xi))
         positive("Body.mass", self.mass, zero=True)
-        object.__setattr__(self, "inertia", semidefinite("Body.inertia", self.inertia))
+        object.__setattr__(self, "inertia", rigid_inertia("Body.inertia", self.inertia))
         object.__setattr__(self, "offset", expression("Body.offset", self.offset, (3, 1)))
 
 
@@ -303,6 +305,22 @@ def semidefinite(name: str, value: Number) -> AnyExpr:
             raise ValueError(
                 f"{name}: expected a matrix without negative eigenvalues, "
                 f"found the eigenvalues {eigenvalues.tolist()}"
+            )
+    return matrix
+
+
+def rigid_inertia(name: str, value: Number) -> AnyExpr:
+    """`value`, the inertia (3, 3) of a rigid body; symbols as they are.
+
+    Of any distribution of mass no principal moment exceeds the sum of the others.
+    """
+    matrix = semidefinite(name, value)
+    if is_numeric(matrix):
+        least, middle, largest = np.linalg.eigvalsh(matrix.full())
+        if largest > (least + middle) * (1 + _TABLES):
+            raise ValueError(
+                f"{name}: expected principal moments of which none exceeds the sum of the other "
+                f"two, kg m², found {least:.4g}, {middle:.4g} and {largest:.4g}"
             )
     return matrix
 

@@ -12,8 +12,9 @@ from __future__ import annotations
 import casadi as ca
 
 from curvcasadi.control.model import ControlModel
+from curvcasadi.control.signals import LENGTH_TOLERANCE
 from curvcasadi.lie import quaternion
-from curvcasadi.symbolic.expressions import Expr, expression, instance
+from curvcasadi.symbolic.expressions import Expr, expression, instance, is_numeric
 from curvcasadi.symbolic.layout import Layout
 
 
@@ -33,9 +34,14 @@ def retract(model: ControlModel, x: Expr, dx: Expr) -> Expr:
     -------
     SX, MX or DM, shape (nx, 1)
         For a unit quaternion in `x` a unit quaternion again.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong, or a quaternion of numbers has no unit length.
     """
     layout = instance("model", model, ControlModel).x
-    x = expression("x", x, (layout.size, 1))
+    x = _on_group("x", layout, expression("x", x, (layout.size, 1)))
     return add(layout, x, expression("dx", dx, (layout.errors.size, 1)))
 
 
@@ -53,10 +59,15 @@ def difference(model: ControlModel, x: Expr, y: Expr) -> Expr:
     -------
     SX, MX or DM, shape (nd, 1)
         Error state, laid out as `model.x.errors`; attitudes the shorter way round.
+
+    Raises
+    ------
+    ValueError
+        As `retract`.
     """
     layout = instance("model", model, ControlModel).x
-    starts = layout.split(expression("x", x, (layout.size, 1)))
-    ends = layout.split(expression("y", y, (layout.size, 1)))
+    starts = layout.split(_on_group("x", layout, expression("x", x, (layout.size, 1))))
+    ends = layout.split(_on_group("y", layout, expression("y", y, (layout.size, 1))))
     pieces = []
     for part in layout.parts:
         start, end = starts[part.name], ends[part.name]
@@ -65,6 +76,19 @@ def difference(model: ControlModel, x: Expr, y: Expr) -> Expr:
         else:
             pieces.append(end - start)
     return ca.vertcat(*pieces)
+
+
+def _on_group(name: str, layout: Layout, x: Expr) -> Expr:
+    """`x`, whose attitudes are unit quaternions if they are numbers."""
+    if is_numeric(x):
+        for part in layout.parts:
+            length = float(ca.norm_2(x[layout.slices[part.name]])) if part.attitude else 1.0
+            if abs(length - 1) > LENGTH_TOLERANCE:
+                raise ValueError(
+                    f"{name}: expected the unit quaternion {part.name}, "
+                    f"found one of length {length:g}"
+                )
+    return x
 
 
 def add(layout: Layout, x: Expr, dx: Expr) -> Expr:

@@ -12,6 +12,7 @@ from curvcasadi.beam.pose import Pose
 from curvcasadi.dynamics.inertia import StationInertias, inertial_mesh, station_inertias
 from curvcasadi.kinematics import chain
 from curvcasadi.kinematics.root_motion import RootMotion
+from curvcasadi.kinematics.weights import check_angles
 from curvcasadi.lie import se3
 from curvcasadi.loads.kinds import Gravity
 from curvcasadi.loads.stations import StationLoads, couplings, station_loads
@@ -77,9 +78,14 @@ class System(NamedTuple):
 
 
 def weights(beam: Beam, **values: AnyExpr) -> dict[str, AnyExpr]:
-    """The weights and their rates, checked for their shape (n, 1)."""
+    """The weights and their rates, checked for their shape (n, 1).
+
+    Numbers must not turn an element by more than its exponential serves for.
+    """
     instance("beam", beam, Beam)
-    return {name: expression(name, value, (beam.basis.n, 1)) for name, value in values.items()}
+    made = {name: expression(name, value, (beam.basis.n, 1)) for name, value in values.items()}
+    check_angles(beam, made["q"])
+    return made
 
 
 def build(

@@ -244,8 +244,8 @@ class TestWingFile:
         [
             ({"grid": None}, "grid: expected a table, found no such key"),
             ({"baem": ""}, "baem: expected one of the keys beam, basis, grid, section, "
-             "bodies, loads, aerodynamics, airstream, sensors, estimation, simulation; found an unknown key, "
-             "nearest to beam"),
+             "bodies, loads, aerodynamics, airstream, sensors, estimation, simulation; "
+             "found an unknown key, nearest to beam"),
             ({"beam": "lenght = 2.0"}, "[beam] lenght: expected one of the keys length, root, "
              "geometry, initial_curvature, weight_bounds; found an unknown key, nearest to length"),
             ({"beam": ""}, "[beam] length: expected a finite number, found no such key"),

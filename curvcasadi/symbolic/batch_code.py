@@ -18,7 +18,7 @@ from curvcasadi.symbolic.expressions import Real
 
 #: Vectors of this machine, fused products, and the functions of libm without a global error code.
 #: Nothing here changes what is done with a NaN, an infinity or a signed zero.
-_LIBRARY = (
+OPTIONS = (
     "-std=c++17", "-O2", "-march=native", "-ffp-contract=fast", "-fno-math-errno",
     "-fno-trapping-math", "-fPIC", "-shared", "-pthread", "-w", "-Wl,-Bsymbolic",
 )  # fmt: skip
@@ -30,7 +30,7 @@ Evaluate = Callable[[Sequence[NDArray[Any]], Sequence[NDArray[Any]], int], None]
 def native(f: ca.Function, real: Real, compiler: str) -> Evaluate:
     """Native code over a batch."""
     source = lanes.source(f, real)
-    library = loaded(source, (*_LIBRARY, _processor(compiler)), compiler, "cpp")
+    library = loaded(source, (*OPTIONS, _processor(compiler)), compiler, "cpp")
     evaluate = library.batch
     evaluate.restype = ctypes.c_int
     name = f.name()

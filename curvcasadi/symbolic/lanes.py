@@ -96,13 +96,13 @@ def source(f: ca.Function, real: str) -> str:
     return "\n".join(
         [
             f"#define LANES_REAL {real}",
-            _template("lanes.h"),
+            template("lanes.h"),
             text,
             "struct Port { int nonzeros; const int *row, *column; };",
             ports,
             *(_table(name, getattr(f, f"n_{name}")()) for name in ("in", "out")),
             *(f"#define {name} {value}" for name, value in sizes.items()),
-            _template("batch.cpp"),
+            template("batch.cpp"),
         ]
     )
 
@@ -195,5 +195,5 @@ def _table(way: str, count: int) -> str:
     return f"static const Port {way}puts[] = {{{ports or '{0, nullptr, nullptr}'}}};"
 
 
-def _template(name: str) -> str:
+def template(name: str) -> str:
     return files("curvcasadi.symbolic").joinpath(f"templates/{name}").read_text()

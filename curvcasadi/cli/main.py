@@ -16,6 +16,7 @@ from curvcasadi.cli import (
     equilibrium as equilibrium_command,
     estimate as estimate_command,
     export as export_command,
+    flutter as flutter_command,
     info as info_command,
     shape as shape_command,
     simulate as simulate_command,
@@ -27,7 +28,7 @@ from curvcasadi.cli.options import add_progress
 from curvcasadi.errors import ConvergenceError, leave_at_interrupt
 
 #: Options whose numbers may begin with a minus sign.
-SIGNED = ("--weights", "--position", "--turn")
+SIGNED = ("--weights", "--position", "--turn", "--pitch")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -81,7 +82,11 @@ def _parser() -> argparse.ArgumentParser:
     shape_command.add_parser(commands)
     target_command.add_parser(commands)
     equilibrium_command.add_parser(commands)
+<<<<<<< HEAD
     simulate_command.add_parser(commands)
+=======
+    flutter_command.add_parser(commands)
+>>>>>>> 50d696f (Flutter from the command line, as figures, as an example and on a page)
     trim_command.add_parser(commands)
     estimate_command.add_parser(commands)
     export_command.add_parser(commands)

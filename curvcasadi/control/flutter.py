@@ -26,10 +26,12 @@ from curvcasadi.control.roots import (
     summits,
 )
 from curvcasadi.control.signals import increasing, stacked
-from curvcasadi.control.steady import SteadyStates
+from curvcasadi.control.steady import Slopes, SteadyStates
 from curvcasadi.symbolic.expressions import Array, Number, instance
 from curvcasadi.symbolic.text import described
 
+#: Steps in which the first speed is reached from half of it.
+CLIMB = 8
 #: Relative tolerance of speeds.
 TOLERANCE = 1e-9
 
@@ -196,20 +198,35 @@ class _Sweep(NamedTuple):
         """The wing at a speed, from its states at others; None without an equilibrium."""
         from scipy.linalg import eig
 
-        p = self.p.copy()
-        p[self.steady.model.p.slices["airspeed"]] = speed
+        p = self._parameters(speed)
         near = sorted(known, key=lambda point: abs(point.speed - speed))[:3]
         if near:
             found = self.steady.settle(extrapolated(near, speed), self.u, p, near[0].slopes)
             found = found or self.steady.settle(near[0].x, self.u, p)
         else:
-            found = self.steady.settle(np.zeros(self.steady.model.x.size), self.u, p)
+            found = self._from_straight(speed)
         if found is None:
             return None
         x, _ = found
         slopes = self.steady.slopes(x, self.u, p)
         roots, left, right = eig(self.steady.state_matrix(slopes), left=True, right=True)
         return Point(speed, x, slopes, roots, left, right)
+
+    def _parameters(self, speed: float) -> Array:
+        p = self.p.copy()
+        p[self.steady.model.p.slices["airspeed"]] = speed
+        return p
+
+    def _from_straight(self, speed: float, halvings: int = 4) -> tuple[Array, Slopes] | None:
+        """The steady state from that of the straight wing, by way of lower speeds if need be."""
+        straight = np.zeros(self.steady.model.x.size)
+        found = self.steady.settle(straight, self.u, self._parameters(speed))
+        if found is None and halvings:
+            found = self._from_straight(speed / 2, halvings - 1)
+            for higher in speed * np.linspace(0.5, 1.0, CLIMB + 1)[1:]:
+                if found is not None:
+                    found = self.steady.settle(found[0], self.u, self._parameters(higher))
+        return found
 
     def singularity(self, first: Point) -> Callable[[Point], float]:
         """Determinant of the steady tangent, over that of the first speed."""

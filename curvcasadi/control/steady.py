@@ -26,7 +26,7 @@ CONTRACTION = 0.5
 #: Of corrections: relative, and of curvatures in rad/m or lag states over the airspeed.
 RELATIVE, ABSOLUTE = 1e-10, 1e-13
 MOST_CORRECTIONS = 40
-SHORTEST = 2.0**-10
+SHORTEST = 2.0**-6
 
 
 class Slopes(NamedTuple):

@@ -21,6 +21,7 @@ def test_every_example_is_tested():
         "compare_with_euler_angles",
         "design_stiffness",
         "estimate_shape_from_imus",
+        "flutter_of_a_bent_wing",
         "match_measured_shape",
         "place_sensors",
         "reach_tip_pose",
@@ -114,3 +115,12 @@ def test_the_tip_stays_on_its_path_by_imus_alone(tmp_path):
     assert distance[-40:].max() < 0.1
     assert estimate[-40:].max() < 0.1
     assert (tmp_path / "out" / "track_tip_path_from_imus.png").exists()
+
+
+def test_flutter_of_a_bent_wing_is_slower_the_more_it_bends(tmp_path):
+    found = run("flutter_of_a_bent_wing", tmp_path, ANGLES=(0.75, 3.0))
+    straight, little, much = (result.speed for result in found)
+    assert straight > little > much
+    # Patil's digitised values, 2 %.
+    assert much == pytest.approx(22.3, rel=0.02)
+    assert (tmp_path / "out" / "flutter_of_a_bent_wing.png").exists()

@@ -31,7 +31,8 @@ The file has [section] with stiffness, mass and inertia, and [aerodynamics].
 
 Of [airstream] the density and the angle of the velocity in the plane of symmetry are used, the
 pitch of the wing; --density and --pitch stand in for them. Gravity of [[loads]] is weight; other
-loads act as the file has them.
+loads act as the file has them, unless --weight-only is set: loads that stand for lift would count
+twice.
 
   curvcasadi flutter wing.toml --speed 15:40:1 --plot
 
@@ -62,6 +63,9 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("--density", type=float, metavar="RHO", help="of the air, kg/m3")
     parser.add_argument("--pitch", type=float, metavar="ANGLE", help="of the root, rad, nose-up")
+    parser.add_argument(
+        "--weight-only", action="store_true", help="leave out [[loads]] other than gravity"
+    )
     parser.add_argument(
         "--damping",
         type=float,
@@ -109,7 +113,12 @@ def run(arguments: argparse.Namespace) -> int:
     if wing.strips is None:
         raise ValueError(f"{arguments.wing}: expected a table [aerodynamics], found none")
     model = wing_model(
-        Wing(name="wing", beam=wing.beam, strips=wing.strips, loads=loads),
+        Wing(
+            name="wing",
+            beam=wing.beam,
+            strips=wing.strips,
+            loads=() if arguments.weight_only else loads,
+        ),
         density=density,
         gravity=gravity,
         lag=IndicialLag(poles=arguments.poles, modes=3),

@@ -82,11 +82,8 @@ def _parser() -> argparse.ArgumentParser:
     shape_command.add_parser(commands)
     target_command.add_parser(commands)
     equilibrium_command.add_parser(commands)
-<<<<<<< HEAD
     simulate_command.add_parser(commands)
-=======
     flutter_command.add_parser(commands)
->>>>>>> 50d696f (Flutter from the command line, as figures, as an example and on a page)
     trim_command.add_parser(commands)
     estimate_command.add_parser(commands)
     export_command.add_parser(commands)

@@ -1,6 +1,7 @@
 """Models as a control engineer sees them: x, u, p, y."""
 
 from curvcasadi.control.aircraft_model import aircraft_model
+from curvcasadi.control.attitude_law import AttitudeFeedback, attitude_feedback, attitude_law
 from curvcasadi.control.beam_model import beam_model
 from curvcasadi.control.damping import modal_damping
 from curvcasadi.control.error_state import difference, retract
@@ -18,6 +19,7 @@ from curvcasadi.control.trimmed_state import TrimmedState, trimmed_state
 from curvcasadi.control.wing_model import wing_model
 
 __all__ = [
+    "AttitudeFeedback",
     "ControlModel",
     "FlightMode",
     "FlightModes",
@@ -27,6 +29,8 @@ __all__ = [
     "Simulation",
     "TrimmedState",
     "aircraft_model",
+    "attitude_feedback",
+    "attitude_law",
     "beam_model",
     "difference",
     "flight_modes",

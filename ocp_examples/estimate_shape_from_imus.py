@@ -6,8 +6,8 @@
 The HALE wing flaps by ±2.8 m and twists, as the filter does not know: it sees gyros and
 accelerometers at 100 Hz, and starts at the straight wing. Millimetres of error are left, within 3σ
 in 99 of 100 samples: the acceleration of a flapping wing is not white, so the filter is told twice
-of what it is. Wing, sensors and filter stand in hale_wing_imus.toml; out/imus.csv, a log of the sensors, is what
-`curvcasadi estimate` reads. `--animate` writes a GIF of the estimate.
+of what it is. Wing, sensors and filter stand in hale_wing_imus.toml; out/imus.csv, a log of the
+sensors, is what `curvcasadi estimate` reads. `--animate` writes a GIF of the estimate.
 """
 
 import argparse

@@ -109,14 +109,11 @@ def test_a_wing_that_cannot_turn_about_every_axis_moves_as_it_can():
     )
     law = cc.attitude_law(beam, time_constant=TAU)
     for target in (oracle.rotation([0, -0.5, 0]), oracle.rotation([0.4, -0.5, 0.3])):
-        q = solve_ivp(
-            lambda t, q: law(q, target, np.zeros(3))[0].full()[:, 0],
-            (0, 8),
-            [0, 0],
-            rtol=1e-8,
-            atol=1e-10,
-        )  # noqa: B023
-        end = q.y[:, -1]
+
+        def rate(t, q, target=target):
+            return law(q, target, np.zeros(3))[0].full()[:, 0]
+
+        end = solve_ivp(rate, (0, 8), [0, 0], rtol=1e-8, atol=1e-10).y[:, -1]
         _, error, _ = law(end, target, np.zeros(3))
         J = cc.body_jacobian(beam, end).full()[:3]
         assert_allclose(J.T @ error.full()[:, 0], 0, atol=1e-4)  # a minimum along what it can

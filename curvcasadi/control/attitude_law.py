@@ -273,7 +273,7 @@ def _feedback_step(
     z, dt = ca.SX.sym("integral", len(u_0)), ca.SX.sym("dt")
     error = so3.attitude_error(rotation, target)
 
-    def clipped(value: ca.SX) -> ca.SX:
+    def clipped(value: Any) -> Any:
         return ca.fmax(ca.fmin(value, limits[1]), limits[0])
 
     held = clipped(u_0 + z - dt * (ca.DM(integral) @ error))

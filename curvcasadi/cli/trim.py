@@ -16,6 +16,8 @@ from curvcasadi.aircraft.trim import STANDARD_GRAVITY, trim_sweep
 from curvcasadi.aircraft.trim_problem import OBJECTIVES
 from curvcasadi.aircraft.trim_result import TrimResult
 from curvcasadi.cli.options import FIGURES, output
+from curvcasadi.control.aircraft_model import aircraft_model
+from curvcasadi.control.flight_modes import flight_modes, modes_table
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.files.aircraft import read_aircraft, read_density
 from curvcasadi.files.toml_reader import load_table
@@ -36,6 +38,9 @@ outputs:
   --out trim.csv    a line for each speed: SI units, radians, root moments in root axes, balances
                     in body axes, weights of the wings (rad/m)
   --plot trim.png   the trimmed wings from behind, and the lift along their span
+
+Of an aircraft whose [body] has inertia the modes of its flight are printed as well: phugoid, short
+period, dutch roll, spiral, roll, and oscillations of the wings.
 
 exit codes: 0; 2 after an error in the input; 3 if a speed cannot be trimmed: the message has what
 does not balance, by how much, and which bounds hold.
@@ -92,12 +97,30 @@ def run(arguments: argparse.Namespace) -> int:
     trimmed = [result for result in results if result.trimmed]
     if trimmed:
         print(f"density {arguments.density:g} kg/m3, gravity {arguments.gravity:g} m/s2\n")
-        print(f"{_flight_table(results)}\n\n{_wing_table(results)}")
+        print(f"{_flight_table(results)}\n\n{_wing_table(results)}\n")
+        print(_modes(aircraft, trimmed, arguments.density, arguments.gravity))
         _write(arguments, aircraft, results)
     missed = [result for result in results if not result.trimmed]
     if missed:
         raise ConvergenceError(_by_options("\n".join(r.message for r in missed)), missed[0])
     return 0
+
+
+def _modes(
+    aircraft: Aircraft, trimmed: Sequence[TrimResult], density: float, gravity: float
+) -> str:
+    """The modes of every trimmed flight, of an aircraft that has the inertia that they need."""
+    if aircraft.body.inertia is None:
+        return "no flight modes: [body] has no inertia"
+    try:
+        model = aircraft_model(aircraft, density=density, gravity=gravity, outputs=())
+    except ValueError as error:
+        return f"no flight modes: {error}"
+    flights = [flight_modes(model, result) for result in trimmed]
+    return (
+        "modes of the flight with unsteady strips: eigenvalues, and the times in which they halve "
+        f"or double\n{modes_table(flights)}"
+    )
 
 
 def _by_options(message: str) -> str:

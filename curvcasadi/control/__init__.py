@@ -5,7 +5,12 @@ from curvcasadi.control.attitude_law import AttitudeFeedback, attitude_feedback,
 from curvcasadi.control.beam_model import beam_model
 from curvcasadi.control.damping import modal_damping
 from curvcasadi.control.error_state import difference, retract
-from curvcasadi.control.flight_modes import FlightMode, FlightModes, flight_modes
+from curvcasadi.control.flight_modes import (
+    FlightMode,
+    FlightModes,
+    flight_modes,
+    modes_table,
+)
 from curvcasadi.control.flutter import Flutter, flutter
 from curvcasadi.control.kinematic_model import kinematic_model
 from curvcasadi.control.linearize import LinearModel, linearize
@@ -39,6 +44,7 @@ __all__ = [
     "kinematic_model",
     "linearize",
     "modal_damping",
+    "modes_table",
     "power_spectrum",
     "project_state",
     "retract",

@@ -18,7 +18,7 @@ antisymmetric bending. The other modes are those of body, wings or air that take
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -125,23 +125,48 @@ class FlightModes:
         """Whether every mode decays."""
         return bool(np.all(self.eigenvalues.real < 0))
 
+    @property
+    def shown(self) -> tuple[FlightMode, ...]:
+        """The five with names, slow oscillations of the wings, and whatever grows."""
+        others = self.modes[len(NAMED) :]
+        wings = [mode for mode in others if mode.name == "wings" and mode.frequency][:_SHOWN]
+        growing = [mode for mode in others if mode.eigenvalue.real > 0]
+        return tuple(dict.fromkeys([*self.modes[: len(NAMED)], *wings, *growing]))
+
     def __str__(self) -> str:
-        named, rows = self.modes[: len(NAMED)], []
-        wings = [mode for mode in self.modes if mode.name == "wings" and mode.frequency]
-        growing = [mode for mode in self.modes[len(NAMED) :] if mode.eigenvalue.real > 0]
-        for mode in dict.fromkeys([*named, *wings[:_SHOWN], *growing]):
+        return modes_table([self])
+
+
+def modes_table(flights: Sequence[FlightModes]) -> str:
+    """Modes of several flights as a table: `FlightModes.shown` of each.
+
+    Parameters
+    ----------
+    flights : sequence of FlightModes
+        Such as those of several speeds.
+
+    Returns
+    -------
+    str
+        A line per mode: speed, name, real and imaginary part, period, damping ratio, and the time
+        in which it halves or doubles.
+    """
+    rows = []
+    for flight in flights:
+        for mode in flight.shown:
             half = mode.time_to_half
             rows.append(
                 {
+                    "V [m/s]": f"{flight.speed:.5g}",
                     "mode": mode.name,
                     "real [1/s]": f"{mode.eigenvalue.real:.5f}",
                     "imaginary [rad/s]": f"{mode.frequency:.5f}",
                     "period [s]": f"{2 * np.pi / mode.frequency:.3f}" if mode.frequency else "-",
                     "damping ratio": f"{mode.damping_ratio:.4f}",
-                    "half or double [s]": f"{abs(half):.3f} {'half' if half > 0 else 'double'}",
+                    "halves or doubles in [s]": f"{abs(half):.3f} {'/2' if half > 0 else 'x2'}",
                 }
             )
-        return f"modes at {self.speed:g} m/s\n{table(rows)}"
+    return table(rows)
 
 
 def flight_modes(

@@ -14,10 +14,12 @@ from curvcasadi.files.aircraft import load_aircraft
 from curvcasadi.plotting import plot_trim
 
 EXAMPLE = Path(__file__).parents[2] / "ocp_examples" / "hale_aircraft.toml"
-#: The aircraft of the example on a coarse grid, which trims in a fraction of the time.
+#: The aircraft of the example on a coarse grid, which trims in a fraction of the time, and without
+#: inertia of the body, so that no modes are computed.
 FOLDER = TemporaryDirectory()
 HALE_AIRCRAFT = str(Path(FOLDER.name) / "hale_aircraft.toml")
-Path(HALE_AIRCRAFT).write_text(EXAMPLE.read_text().replace("elements = 16", "elements = 5"))
+COARSE = EXAMPLE.read_text().replace("elements = 16", "elements = 5")
+Path(HALE_AIRCRAFT).write_text(COARSE.replace("inertia = [[200, 0", "# [[200, 0"))
 DENSITY = 0.0889  # kg/m³, at 20 km
 FLAPS = '[[beams.aerodynamics.controls]]\nname = "flap"\nlift = 3.0\n\n[[beams]]\nname = "left"'
 
@@ -61,6 +63,22 @@ def columns(text, key):
             break
         rows.append(cells(line))
     return dict(zip(cells(lines[first]), zip(*rows, strict=True), strict=True))
+
+
+def test_modes_are_printed_where_the_body_has_inertia(capsys, tmp_path):
+    heavy, light = tmp_path / "heavy.toml", tmp_path / "light.toml"
+    heavy.write_text(COARSE)
+    assert run("--speed", 25, aircraft=str(heavy)) == 0
+    found = columns(capsys.readouterr().out, "mode")
+    modes = ("phugoid", "short period", "dutch roll", "spiral", "roll")
+    assert found["mode"][:5] == modes
+    assert float(found["real [1/s]"][0]) < 0 < float(found["real [1/s]"][2])
+    assert found["halves or doubles in [s]"][2].endswith("x2")  # no fin
+    assert run("--speed", 25) == 0
+    assert "no flight modes: [body] has no inertia" in capsys.readouterr().out
+    light.write_text(COARSE.replace("inertia = [[0.1, 0", "# [[0.1, 0"))
+    assert run("--speed", 25, aircraft=str(light)) == 0
+    assert "no flight modes: Section.inertia: expected" in capsys.readouterr().out
 
 
 def test_the_tables_have_the_trim(aircraft, capsys):

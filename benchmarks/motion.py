@@ -14,8 +14,8 @@ from benchmarks.dynamics import WEIGHT
 from benchmarks.generated_c import NO_GCC
 from benchmarks.table import Check, Table, checked, compared
 from curvcasadi.control.implicit_midpoint import midpoint_solver
-from curvcasadi.control.simulation import Native
 from curvcasadi.control.step import midpoint_rule, rk4
+from curvcasadi.control.steppers import Native
 from curvcasadi.lie import quaternion
 from curvcasadi.reference_wings import hale_wing
 from curvcasadi.symbolic.expressions import Array

@@ -25,6 +25,7 @@ from curvcasadi.aircraft.free_air import FreeAir
 from curvcasadi.aircraft.free_flight import STANDARD_GRAVITY, free_momenta
 from curvcasadi.aircraft.free_motion import offsets_of
 from curvcasadi.aircraft.parts import Aircraft
+from curvcasadi.control.bending import element_angles
 from curvcasadi.control.flight_outputs import Chosen, chosen, flight_outputs, output_names
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
@@ -164,7 +165,8 @@ def aircraft_model(
         wanted,
     )
     output = ca.Function(f"{name}_output", [*symbols.values()], [y], [*symbols], ["y"])
-    return replace(model, output=output)
+    bent = element_angles(x, {f"q_{wing.name}": wing.beam for wing in aircraft.beams})
+    return replace(model, output=output, element_angles=bent)
 
 
 def _wanted(aircraft: Aircraft, outputs: Sequence[str] | None, stations: Sequence[float]) -> Chosen:

@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 
 from curvcasadi.beam.beam import Beam
+from curvcasadi.control.bending import element_angles
 from curvcasadi.control.damping import damping_matrix
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
@@ -180,7 +181,8 @@ def beam_model(
     y = Layout(tuple(Part(key, values[key].numel(), OUTPUTS[key]) for key in chosen))
     stacked = ca.vertcat(ca.MX(0, 1), *(values[key] for key in chosen))
     output = ca.Function(f"{name}_output", [x, u, p], [stacked], ["x", "u", "p"], ["y"])
-    return replace(model, y=y, output=output)
+    bent = element_angles(x_layout, {"q": beam})
+    return replace(model, y=y, output=output, element_angles=bent)
 
 
 def _symbols(inputs: Mapping[str, Any], parameters: Mapping[str, Any]) -> dict[str, ca.MX]:

@@ -80,6 +80,9 @@ class ControlModel:
         these names, from one evaluation.
     second_order : SecondOrder or None
         Its equations of motion, where it has inertia.
+    element_angles : casadi.Function or None
+        (x) -> squared angles of all elements over what they may turn: `simulate` refuses to start
+        beyond one, and warns of going there.
     spans : mapping of str to tuple
         By name of a part of the state, the functions along the span whose weights it holds, in
         order; what `project_state` goes by.
@@ -96,6 +99,7 @@ class ControlModel:
     angles: ca.Function | None = None
     pose: ca.Function | None = None
     second_order: SecondOrder | None = None
+    element_angles: ca.Function | None = None
     spans: Mapping[str, tuple[Span, ...]] = field(default_factory=dict)
 
     def __repr__(self) -> str:

@@ -59,6 +59,11 @@ def step_function(
         If `dt` is not above zero, or the model has no inertia for an implicit method.
     """
     instance("model", model, ControlModel)
+    if method in ("variational", "cvodes"):
+        raise ValueError(
+            f"method: expected 'rk4' or 'implicit_midpoint', found {method!r}, a method of "
+            "simulate alone, which carries more than the state from step to step"
+        )
     choice("method", method, get_args(Method))
     if not is_numeric(dt):
         raise ValueError(f"dt: expected a number, found the symbol {dt}")

@@ -21,6 +21,7 @@ from curvcasadi.aero.unsteady import (
 from curvcasadi.aircraft.parts import Wing
 from curvcasadi.beam.pose import Pose
 from curvcasadi.control.beam_model import CURVATURE_STATIONS
+from curvcasadi.control.bending import element_angles
 from curvcasadi.control.damping import damping_matrix
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
@@ -200,7 +201,9 @@ def wing_model(
     y = output_layout(wanted, places)
     around = Surroundings(load, root, symbols)
     values = output_function(f"{name}_outputs", wing, around, y, places)
-    return replace(model, y=y, output=_output(f"{name}_output", model, values, y))
+    output = _output(f"{name}_output", model, values, y)
+    bent = element_angles(model.x, {"q": beam})
+    return replace(model, y=y, output=output, element_angles=bent)
 
 
 _UNITS = {"airspeed": "m/s", "pitch": "rad", "gust": "m/s"}

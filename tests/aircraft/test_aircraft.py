@@ -153,6 +153,10 @@ def test_wrench_is_the_same_in_every_kind(evaluate):
             lambda: RigidBody(mass=1, center_of_mass=[0, 0, 0], inertia=np.triu(np.ones((3, 3)))),
             "RigidBody.inertia",
         ),
+        (
+            lambda: RigidBody(mass=1, center_of_mass=[0, 0, 0], inertia=np.diag([9, 1, 1])),
+            "RigidBody.inertia: expected principal moments",
+        ),
         (lambda: Thrust(direction=[1, 0]), "Thrust.direction"),
         (lambda: replace(TAIL, area=-1), "LiftingSurface.area"),
         (lambda: replace(RIGHT, beam=replace(RIGHT.beam, section=None)), "Wing 'right'"),

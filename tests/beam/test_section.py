@@ -149,6 +149,10 @@ INDEFINITE = [[1, 2, 0], [2, 1, 0], [0, 0, 1]]
         (lambda: cc.Body(xi=1, mass=-1), r"Body\.mass: expected .*not below zero, found -1"),
         (lambda: cc.Body(xi=1, mass=1, offset=[1]), r"Body\.offset: expected shape \(3, 1\)"),
         (lambda: cc.Body(xi=1, mass=1, inertia=UNSYMMETRIC), r"Body\.inertia: .*symmetric"),
+        (
+            lambda: cc.Body(xi=1, mass=1, inertia=np.diag([1, 1, 2.1])),
+            r"Body\.inertia: expected principal moments of which none .*found 1, 1 and 2\.1",
+        ),
         (lambda: cc.condense_axial(np.eye(3)), r"stiffness: expected shape \(4, 4\)"),
         (lambda: cc.condense_axial(-np.eye(4)), r"stiffness: expected a positive definite"),
         (

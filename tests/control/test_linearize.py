@@ -120,3 +120,13 @@ def test_retraction_and_difference_are_inverse(body, state, evaluate):
     assert_allclose(np.linalg.norm(moved[:4]), 1, rtol=1e-14)
     back = evaluate(lambda x, y: cc.difference(body, x, y), state, moved)
     assert_allclose(back.ravel(), delta, atol=1e-13)
+
+
+def test_states_off_the_group_are_refused(body, state):
+    off = np.array(state, dtype=float).ravel()
+    off[:4] *= 2
+    zero = np.zeros(len(off) - 1)
+    with pytest.raises(ValueError, match=r"x: expected the unit quaternion .* length 2"):
+        cc.retract(body, off, zero)
+    with pytest.raises(ValueError, match=r"y: expected the unit quaternion .* length 2"):
+        cc.difference(body, ca.DM(state), off)

@@ -238,6 +238,8 @@ def test_an_implicit_step_needs_inertia(lag):
 def test_unknown_methods_are_refused(lag):
     with pytest.raises(ValueError, match=r"method: expected one of 'rk4', .* found 'euler'"):
         cc.step_function(lag, 0.1, method="euler")
+    with pytest.raises(ValueError, match=r"method: expected .* found 'variational', a method of"):
+        cc.step_function(lag, 0.1, method="variational")
 
 
 @pytest.mark.parametrize("make", [models.pendulum, models.rigid_body], ids=lambda f: f.__name__)

@@ -208,3 +208,18 @@ def test_loads_with_coupled_stations_are_refused():
     beam = cc.Beam(length=1.0, basis=basis, grid=cc.Grid.lobatto(2), section=section)
     with pytest.raises(ValueError, match="coupling"):
         cc.inverse_dynamics(beam, [0.0], [0.0], [0.0], [air])
+
+
+@pytest.mark.parametrize(
+    "of",
+    [
+        cc.mass_matrix,
+        cc.natural_frequencies,
+        lambda beam, q: cc.inverse_dynamics(beam, q, q, q),
+        lambda beam, q: cc.forward_dynamics(beam, q, q),
+        lambda beam, q: cc.kinetic_energy(beam, q, q),
+    ],
+)
+def test_weights_that_turn_an_element_too_far_are_refused(of):
+    with pytest.raises(ValueError, match=r"q: expected every element to turn at most Grid\.max_an"):
+        of(wing(), np.full(N, 9.0))

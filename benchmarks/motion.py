@@ -135,7 +135,7 @@ def _free() -> cc.ControlModel:
     right = cc.Wing(name="right", beam=hale_wing(*COUNTS, grid=cc.Grid.lobatto(8)))
     body = cc.RigidBody(mass=50.0, center_of_mass=[0.1, 0, 0.2], inertia=np.diag([40.0, 30, 50]))
     wings = (right, cc.mirror_wing(right, "left"))
-    return cc.aircraft_model(cc.Aircraft(body=body, beams=wings), density=0, gravity=0)
+    return cc.aircraft_model(cc.Aircraft(body=body, beams=wings), density=0, gravity=0, outputs=[])
 
 
 def _drifts(method: str, step: float) -> tuple[float, float]:

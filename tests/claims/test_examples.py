@@ -22,6 +22,7 @@ def test_every_example_is_tested():
         "design_stiffness",
         "estimate_shape_from_imus",
         "flutter_of_a_bent_wing",
+        "flutter_suppression",
         "match_measured_shape",
         "place_sensors",
         "reach_tip_pose",
@@ -106,6 +107,14 @@ def test_four_imus_know_the_shape_of_a_flapping_wing(tmp_path):
     assert within > 0.99  # of 3σ; 0.997 if the truth were the filter's own process
     assert (tmp_path / "out" / "imus.csv").read_text().startswith("time,gyro_1_x,")
     assert (tmp_path / "out" / "estimate_shape_from_imus.png").exists()
+
+
+def test_flaps_suppress_flutter_above_its_speed(tmp_path):
+    ratio, rest, closed = run("flutter_suppression", tmp_path, SECONDS=6.0)
+    assert ratio == pytest.approx(1.2)
+    assert rest.max() > 1.0  # m, from 0.32: a limit cycle of the bent wing
+    assert closed.max() < 0.16 and closed[-1] < 0.02  # and still decaying
+    assert (tmp_path / "out" / "flutter_suppression.png").exists()
 
 
 def test_the_tip_stays_on_its_path_by_imus_alone(tmp_path):

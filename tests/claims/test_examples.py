@@ -21,10 +21,13 @@ def test_every_example_is_tested():
         "compare_with_euler_angles",
         "design_stiffness",
         "estimate_shape_from_imus",
+        "free_flying_beam",
         "flutter_of_a_bent_wing",
         "flutter_suppression",
         "match_measured_shape",
+        "modes_about_bent_shapes",
         "place_sensors",
+        "release_under_load",
         "reach_tip_pose",
         "track_tip_path_from_imus",
         "track_tip_path_mpc",
@@ -133,3 +136,30 @@ def test_flutter_of_a_bent_wing_is_slower_the_more_it_bends(tmp_path):
     # Patil's digitised values, 2 %.
     assert much == pytest.approx(22.3, rel=0.02)
     assert (tmp_path / "out" / "flutter_of_a_bent_wing.png").exists()
+
+
+def test_release_under_load_keeps_its_energy(tmp_path):
+    change, highest = run("release_under_load", tmp_path, DURATION=1.5, STEP=0.0025)
+    # Second order: a quarter of what 5 ms leave, 6e-6, of the largest kinetic energy.
+    assert change < 3e-6
+    assert highest > 1  # from 7 m below the root
+    assert (tmp_path / "out" / "release_under_load.gif").exists()
+
+
+def test_free_flying_beam_obeys_newton(tmp_path):
+    error, tip = run("free_flying_beam", tmp_path)
+    assert error < 1e-7  # RK4, fourth order
+    assert tip[:, 0].max() > 10
+    assert np.abs(tip[:, 1]).max() < 1e-9  # the motion is plane
+    assert (tmp_path / "out" / "free_flying_beam.png").exists()
+
+
+def test_modes_about_bent_shapes_couple_torsion_and_in_plane_bending(tmp_path):
+    forces = np.linspace(0, 56, 5)
+    heights, frequencies, shares = run("modes_about_bent_shapes", tmp_path, FORCES=forces)
+    assert np.all(np.diff(heights) > 0.5)
+    straight, bent = shares[0], shares[-1]
+    # Straight, each mode is of one channel; bent, torsion has a part in two modes.
+    assert np.all(straight.max(axis=1) > 1 - 1e-9)
+    assert np.sum(bent[:, 0] > 0.5) == 2 and np.sum(straight[:, 0] > 0.5) == 1
+    assert frequencies[-1, 1] < 0.9 * frequencies[0, 1]

@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test quick docs target-test fault-test versions benchmarks figures clean
+.PHONY: demo test quick docs target-test pil fault-test versions benchmarks figures clean
 
 demo: $(VENV)/installed
 	@command -v gcc >/dev/null || { echo "make demo compiles C: gcc is missing (Debian: apt-get install gcc)"; exit 1; }
@@ -30,6 +30,10 @@ quick: $(VENV)/installed-test
 target-test: $(VENV)/installed-test
 	$(BIN)/python -m codegen.target
 	$(BIN)/python -m codegen.firmware.run
+
+# Processor in the loop: filter and controller of the gust case on emulated processors.
+pil: $(VENV)/installed-test
+	$(BIN)/python -m codegen.loop.run
 
 fault-test: $(VENV)/installed-test
 	$(BIN)/python -m codegen.faults

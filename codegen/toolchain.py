@@ -90,14 +90,16 @@ def link(objects: Sequence[Path], target: Path, cpu: str) -> str:
 
 def emulate(program: Path, cpu: str, *, folder: Path | None = None) -> str:
     """What `program` prints; files that it opens are those in `folder`."""
-    return run(
-        [
-            *(QEMU, "-M", MACHINES[cpu], "-icount", "shift=1", "-nographic", "-monitor", "none"),
-            *("-serial", "none", "-semihosting-config", "enable=on,target=native"),
-            *("-kernel", str(program.resolve())),
-        ],
-        folder=folder,
-    )
+    return run(emulator(program, cpu), folder=folder)
+
+
+def emulator(program: Path, cpu: str) -> list[str]:
+    """The command that runs `program`."""
+    return [
+        *(QEMU, "-M", MACHINES[cpu], "-icount", "shift=1", "-nographic", "-monitor", "none"),
+        *("-serial", "none", "-semihosting-config", "enable=on,target=native"),
+        *("-kernel", str(program.resolve())),
+    ]
 
 
 def build_by_cmake(folder: Path) -> None:
@@ -113,10 +115,15 @@ def build_by_cmake(folder: Path) -> None:
         run([CMAKE, "--build", target])
 
 
+def undefined(objects: Sequence[Path]) -> set[str]:
+    """Names that `objects` take from elsewhere, from one another too."""
+    found = run([NM, "--undefined-only", "--format=just-symbols", *map(str, objects)])
+    return {name for name in found.split() if not name.endswith(":")}
+
+
 def double_symbols(objects: Sequence[Path]) -> list[str]:
     """Functions of double that `objects` call."""
-    undefined = run([NM, "--undefined-only", "--format=just-symbols", *map(str, objects)])
-    return sorted({name for name in undefined.split() if DOUBLE.fullmatch(name)})
+    return sorted(name for name in undefined(objects) if DOUBLE.fullmatch(name))
 
 
 def run(command: Sequence[str], *, folder: Path | None = None) -> str:

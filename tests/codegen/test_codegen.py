@@ -13,6 +13,7 @@ import pytest
 
 import curvcasadi as cc
 from codegen import benchmark_functions as functions, budgets, map_file, toolchain
+from codegen.loop import run as loop
 
 ROOT = Path(__file__).parents[2]
 
@@ -106,6 +107,7 @@ def test_relations_hold_on_every_cpu_by_itself():
 def test_every_budget_is_that_of_a_library_and_a_cpu():
     loaded = budgets.load()
     known = {(library.name, cpu) for library in functions.LIBRARIES for cpu in library.cpus}
+    known |= {("gust_loop", cpu) for cpu, _ in loop.TARGETS}
     assert {(k.split(".")[0], k.split(".")[2]) for k in loaded.budget} == known
     assert set(loaded.required) <= set(loaded.budget)
 

@@ -33,6 +33,7 @@ SLOW = {
     "solvers/test_sqp.py",
     "control/test_simulation.py",
     "symbolic/test_batch.py",
+    "symbolic/test_sweep.py",
 }
 TESTS = Path(__file__).parent
 REFERENCE = Path(__file__).parent / "reference"

@@ -8,13 +8,16 @@ from curvcasadi.symbolic.layout import (
     Layout,
     Part,
 )
+from curvcasadi.symbolic.sweep import Sweep, sweep
 
 __all__ = [
     "Batch",
     "Layout",
     "Part",
+    "Sweep",
     "compile_batch",
     "compile_function",
     "function",
     "jacobian_function",
+    "sweep",
 ]

@@ -28,6 +28,7 @@ from benchmarks import (
     motion,
     parallel,
     placement,
+    predictive,
     statics,
     waiting,
 )
@@ -64,6 +65,8 @@ COUNTED: tuple[Section, ...] = (
     estimation.single_precision,
     model_estimation.consistency,
     model_estimation.recovery,
+    predictive.agreement,
+    predictive.endless,
     waiting.memory,
 )
 #: Times, which are never counted, and C that gcc takes long for.
@@ -79,6 +82,7 @@ TIMED: tuple[Section, ...] = (
     batch.gust_cases,
     dynamics.times,
     motion.times,
+    predictive.times,
     waiting.ratios,
 )
 

@@ -317,6 +317,29 @@ def test_the_whole_controller_becomes_c(tmp_path):
     assert run_check(tmp_path)["mpc"] <= 1e-6
 
 
+def test_a_loop_with_lost_and_bad_samples_has_a_usable_input_at_each_step():
+    mpc = tip_control(
+        bounds={"q_command": (-0.1, 0.1), "curvature": (-0.02, 0.02)},
+        soft={"curvature": 10.0},
+        rate_bounds={"q_command": 0.6},
+        solver="rti",
+    )
+    rng, step, x = np.random.default_rng(0), cc.rk4_step(KINEMATIC, DT), np.zeros(5)
+    outcomes = set()
+    for k in range(120):
+        measured = x + 1e-4 * rng.normal(size=5)
+        measured[2] = np.nan if k % 7 == 3 else measured[2] - 0.12 * (k % 11 == 5)
+        try:
+            found = mpc.fallback("lost") if k % 10 > 6 else mpc.step(measured, reference=GOAL)
+        except ValueError:
+            found = mpc.fallback("refused")
+        outcomes.add(found.message)
+        assert np.all(np.abs(found.u) <= 0.1)
+        x = step(x, found.u, 0.01 * rng.normal(size=5)).full().ravel()
+    assert {"solved", "lost; the input planned before is applied"} <= outcomes
+    assert "refused; the input planned before is applied" in outcomes
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

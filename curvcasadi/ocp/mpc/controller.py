@@ -14,7 +14,7 @@ from curvcasadi.control.model import ControlModel
 from curvcasadi.control.signals import stacked
 from curvcasadi.control.step import Method
 from curvcasadi.ocp.mpc import terms
-from curvcasadi.ocp.mpc.problem import MpcProblem
+from curvcasadi.ocp.mpc.problem import RESIDUAL, MpcProblem
 from curvcasadi.ocp.mpc.solver import MpcSolver, Solver, default_tolerance
 from curvcasadi.solvers.embedded import SolverFunction
 from curvcasadi.symbolic.expressions import (
@@ -124,9 +124,9 @@ class Mpc:
         bounds unless given.
     scales : mapping of str to float
         Sizes of inputs, by which they are made comparable: half their range where bounded, else 1.
-    method, substeps : {"rk4", "implicit_midpoint"}, int
+    method, substeps, newton : {"rk4", "implicit_midpoint"}, int, bool
         Of the step over a stage, as in `step_function`; implicit for models with inertia unless
-        given.
+        given, and by Newton's method, which converges over long stages.
     damping : float
         Weight of ½ |u − guess|² of scaled inputs in every program, which keeps programs convex
         where no input has a weight, and steps short. A converged plan is the same with any.
@@ -173,6 +173,7 @@ class Mpc:
         scales: Mapping[str, float] | None = None,
         method: Method | None = None,
         substeps: int = 1,
+        newton: bool = True,
         damping: float = 1e-8,
         max_iter: int = 50,
         tolerance: float | None = None,
@@ -229,6 +230,7 @@ class Mpc:
             else default_tolerance(model.real, solver),
             method=method,
             substeps=count("substeps", substeps),
+            newton=bool(newton),
         )
         self._native = model.second_order is not None if compiled is None else bool(compiled)
         self._calls: deque[list[Array]] = deque(maxlen=_EXAMPLES)
@@ -336,7 +338,7 @@ class Mpc:
             plan=np.column_stack([u, shifted[:, :-1]]),
             states=numeric["states"],
             success=kept,
-            message="solved" if kept else _exceeded(violation * self._solver.tolerance),
+            message="solved" if kept else self._exceeded(numeric["states"], inputs, violation),
             violation=violation,
             stationarity=stationarity,
             slack=self._slacks(numeric["slack"]),
@@ -393,6 +395,24 @@ class Mpc:
             self._references(reference),
             self._plan,
         ]
+
+    def _exceeded(self, states: Array, inputs: list[Array], violation: float) -> str:
+        """Why a plan of a solved program does not count."""
+        problem, parameters = self._problem, inputs[1]
+        if problem.is_implicit:
+            step, plan = self._solver.step(), np.column_stack([self._applied, self._plan])
+            residuals = [
+                float(step(states[:, k], plan[:, k], parameters[:, k])[1])
+                for k in range(self.horizon)
+            ]
+            worst = int(np.argmax(residuals))
+            if not residuals[worst] <= RESIDUAL:
+                return (
+                    f"the model's step over stage {worst} does not converge, its residual is "
+                    f"{residuals[worst]:.1g}; use a shorter dt or more substeps"
+                )
+        excess = violation * self._solver.tolerance
+        return f"bounds exceeded along the plan by {excess:.2g} of half their range"
 
     def _slacks(self, values: Array) -> dict[str, Array]:
         return {
@@ -489,7 +509,3 @@ def _unsolved(violation: float, stationarity: float) -> str:
     if not (np.isfinite(violation) and np.isfinite(stationarity)):
         return "the model leaves the numbers along the plan"
     return f"not converged: {stationarity:.2g} times the tolerance from the optimality conditions"
-
-
-def _exceeded(excess: float) -> str:
-    return f"bounds exceeded along the plan by {excess:.2g} of half their range"

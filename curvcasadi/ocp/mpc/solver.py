@@ -40,7 +40,7 @@ class MpcSolver:
         Programs at most where it converges.
     tolerance : float
         Excess of limits over their units that counts as none.
-    method, substeps : str, int
+    method, substeps, newton : str, int, bool
         As in `step_function`.
     """
 
@@ -51,6 +51,17 @@ class MpcSolver:
     tolerance: float
     method: Method
     substeps: int
+    newton: bool
+
+    def step(self) -> ca.Function:
+        """(x, u, p) -> x_next, residual of the model over a stage."""
+        return step_function(
+            self.problem.model,
+            self.problem.dt,
+            method=self.method,
+            substeps=self.substeps,
+            newton=self.newton,
+        )
 
     def function(self, native: bool) -> SolverFunction:
         """(x, p, u_previous, reference, guess) -> u, plan, states, slack, violation, stationarity.
@@ -62,7 +73,7 @@ class MpcSolver:
         """
         described, name = self.problem, self.problem.name
         model = described.model
-        step = step_function(model, described.dt, method=self.method, substeps=self.substeps)
+        step = self.step()
         if native:
             stages = described.stages(
                 compile_function(step), lambda f: compile_function(f, derivatives=0)

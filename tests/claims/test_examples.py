@@ -48,8 +48,8 @@ def test_gust_load_alleviation_meets_the_required_reductions(tmp_path):
     changes = run(
         "gust_load_alleviation",
         tmp_path,
-        MODEL={"weights": (1, 3, 1), "elements": 3, "modes": 2, "entry": 1},
-        PLANT={"weights": (2, 4, 1), "elements": 5, "modes": None, "entry": None},
+        MODEL={"weights": (1, 2, 1), "elements": 3, "modes": 2, "entry": 1},
+        PLANT={"weights": (2, 3, 1), "elements": 4, "modes": None, "entry": None},
         HORIZON=10,
         END=1.6,  # the open loop is largest at 1.5 s
         SPEEDS=np.array([20.0, 22.0]),

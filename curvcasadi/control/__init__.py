@@ -4,6 +4,12 @@ from curvcasadi.control.aircraft_model import aircraft_model
 from curvcasadi.control.attitude_law import AttitudeFeedback, attitude_feedback, attitude_law
 from curvcasadi.control.beam_model import beam_model
 from curvcasadi.control.damping import modal_damping
+from curvcasadi.control.design import (
+    DesignDerivatives,
+    design_derivatives,
+    divergence_derivatives,
+    flutter_derivatives,
+)
 from curvcasadi.control.error_state import difference, retract
 from curvcasadi.control.flight_modes import (
     FlightMode,
@@ -12,9 +18,11 @@ from curvcasadi.control.flight_modes import (
     modes_table,
 )
 from curvcasadi.control.flutter import Flutter, flutter
+from curvcasadi.control.flutter_function import flutter_speed_function
 from curvcasadi.control.kinematic_model import kinematic_model
 from curvcasadi.control.linearize import LinearModel, linearize
 from curvcasadi.control.model import ControlModel, SecondOrder
+from curvcasadi.control.peaks import Peak, gust_peak, response_peak
 from curvcasadi.control.projection import project_state
 from curvcasadi.control.response import frequency_response, power_spectrum, rms_in_turbulence
 from curvcasadi.control.second_order import second_order_model
@@ -26,10 +34,12 @@ from curvcasadi.control.wing_model import wing_model
 __all__ = [
     "AttitudeFeedback",
     "ControlModel",
+    "DesignDerivatives",
     "FlightMode",
     "FlightModes",
     "Flutter",
     "LinearModel",
+    "Peak",
     "SecondOrder",
     "Simulation",
     "TrimmedState",
@@ -37,16 +47,22 @@ __all__ = [
     "attitude_feedback",
     "attitude_law",
     "beam_model",
+    "design_derivatives",
     "difference",
+    "divergence_derivatives",
     "flight_modes",
     "flutter",
+    "flutter_derivatives",
+    "flutter_speed_function",
     "frequency_response",
+    "gust_peak",
     "kinematic_model",
     "linearize",
     "modal_damping",
     "modes_table",
     "power_spectrum",
     "project_state",
+    "response_peak",
     "retract",
     "rk4_step",
     "rms_in_turbulence",

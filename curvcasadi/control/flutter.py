@@ -60,6 +60,10 @@ class Flutter:
         Roots at each speed, complex, 1/s; a column follows one mode.
     equilibria : array, shape (T, nx)
         Steady state at each speed.
+    divergence_equilibrium : array, shape (nx,), or None
+        Steady state there.
+    u, p : array
+        Inputs, and parameters but for the airspeed, that were held.
     linearizations : int
         How many linear models were made in all.
     success : bool
@@ -77,6 +81,9 @@ class Flutter:
     divergence_speed: float | None
     roots: Array
     equilibria: Array
+    divergence_equilibrium: Array | None
+    u: Array
+    p: Array
     linearizations: int
     success: bool
     message: str
@@ -177,6 +184,9 @@ def flutter(
         divergence_speed=None if divergence is None else divergence.speed,
         roots=np.array([point.roots for point in points]),
         equilibria=np.array([point.x for point in points]),
+        divergence_equilibrium=None if divergence is None else divergence.x,
+        u=held,
+        p=at,
         linearizations=sweep.steady.linearizations,
         success=success,
         message=message,

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -149,7 +150,17 @@ def _names(layout: Layout) -> list[str]:
     return [label.partition(",")[0] for label in layout.labels]
 
 
+#: Functions of models, as long as these live.
+_MADE: WeakKeyDictionary[ControlModel, ca.Function] = WeakKeyDictionary()
+
+
 def _derivatives(model: ControlModel) -> ca.Function:
+    if model not in _MADE:
+        _MADE[model] = _made(model)
+    return _MADE[model]
+
+
+def _made(model: ControlModel) -> ca.Function:
     """(x, u, p) -> A, B, B_p, C, D, D_p.
 
     With x = x0 ⊕ δ and the rates of δ, r(x) = E⁺(x) xdot(x) for attitudes q̇ = ½ q ∘ (0, Ω):

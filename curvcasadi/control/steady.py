@@ -52,8 +52,7 @@ class SteadyStates:
         self._slopes = ca.Function("slopes", [x, a, u, p], slopes)
         origin = np.zeros(self.model.x.size)
         self._kinematics = motion.kinematics.jacobian()(origin, np.zeros(n)).full()
-        matrices = motion.matrices(origin, np.zeros(self.model.p.size))
-        self._stiffness = matrices[2].full()
+        self._matrices, self._stiffness = motion.matrices, np.zeros((n, n))
         self.n = n
         self.free = np.r_[0:n, 2 * n : self.model.x.size]
 
@@ -86,6 +85,7 @@ class SteadyStates:
         """
         x = start.copy()
         x[self.n : 2 * self.n] = 0
+        self._stiffness = self._matrices(x, p)[2].full()
         unbalanced = self.residual(x, u, p)
         if slopes is None:
             slopes = self.slopes(x, u, p)
@@ -135,7 +135,7 @@ class SteadyStates:
     def _size(self, step: Array) -> float:
         """Of the configuration's part, by the energy that it costs."""
         bent = step[: self.n]
-        return float(np.sqrt(max(bent @ self._stiffness @ bent, 0.0)))
+        return float(np.sqrt(max(float(bent @ self._stiffness @ bent), 0.0)))
 
     def _small(self, step: Array, x: Array, p: Array) -> bool:
         speed = float(p[self.model.p.slices["airspeed"]][0])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,18 +14,16 @@ from curvcasadi.aero.induced import LiftingLine
 from curvcasadi.aero.lag_states import IndicialLag
 from curvcasadi.aero.unsteady import (
     UnsteadyAirload,
-    apparent_mass_matrix,
     state_parts,
-    state_rates,
 )
 from curvcasadi.aircraft.parts import Wing
 from curvcasadi.beam.pose import Pose
 from curvcasadi.control.beam_model import CURVATURE_STATIONS
 from curvcasadi.control.bending import element_angles
-from curvcasadi.control.damping import damping_matrix
-from curvcasadi.control.model import ControlModel, SecondOrder
+from curvcasadi.control.model import ControlModel
 from curvcasadi.control.second_order import second_order_model
 from curvcasadi.control.spans import air_spans, curvature_spans
+from curvcasadi.control.wing_equations import equations, forces_function, rates_function
 from curvcasadi.control.wing_outputs import (
     ACCELERATED,
     OUTPUTS,
@@ -34,13 +32,9 @@ from curvcasadi.control.wing_outputs import (
     output_function,
     output_layout,
 )
-from curvcasadi.dynamics import inverse_dynamics_function, mass_matrix
 from curvcasadi.dynamics.inertia import inertial_mesh
 from curvcasadi.kinematics.root_motion import RootMotion
-from curvcasadi.statics.energy import stiffness_matrix
-from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.expressions import (
-    Array,
     Number,
     choice,
     function_name,
@@ -49,7 +43,6 @@ from curvcasadi.symbolic.expressions import (
     sequence,
     station,
 )
-from curvcasadi.symbolic.functions import free_symbols
 from curvcasadi.symbolic.layout import Layout, Part
 
 
@@ -62,6 +55,7 @@ def wing_model(
     induced_flow: LiftingLine | None = None,
     damping: Number = 0.0,
     gust: GustEntry | None = None,
+    parameters: Mapping[str, ca.MX] | None = None,
     outputs: Sequence[str] = OUTPUTS,
     stations: Sequence[float] = CURVATURE_STATIONS,
     name: str = "wing",
@@ -112,6 +106,10 @@ def wing_model(
         makes it.
     gust : GustEntry or None
         With one p["gust"] is an upward gust, m/s, which enters the strips as it says.
+    parameters : mapping of str to MX symbol, optional
+        Design symbols, columns, in fields of the wing, by the name of their part of p: stiffness,
+        mass, chord and offsets have structured derivatives, geometry (length, root, initial
+        curvature) those of CasADi.
     outputs : sequence of str
         Names of the outputs that are wanted; all unless given. They stand in the order above.
     stations : sequence of float
@@ -127,8 +125,8 @@ def wing_model(
     Raises
     ------
     ValueError
-        For symbols in the wing, a density of zero with lag states, lag functions that the
-        aerodynamic stations do not resolve, and unknown outputs.
+        For symbols in the wing that are no parameters, a density of zero with lag states, lag
+        functions that the aerodynamic stations do not resolve, and unknown outputs.
     """
     instance("wing", wing, Wing)
     strips = wing.strips
@@ -142,9 +140,10 @@ def wing_model(
     beam, n = wing.beam, wing.beam.basis.n
     inputs = {key: ca.MX.sym(key) for key in strips.inputs}
     airspeed, pitch, upward = ca.MX.sym("airspeed"), ca.MX.sym("pitch"), ca.MX.sym("gust")
-    parameters = {"airspeed": airspeed, "pitch": pitch}
+    flight = {"airspeed": airspeed, "pitch": pitch}
     if gust is not None:
-        parameters["gust"] = upward
+        flight["gust"] = upward
+    design = _design(parameters, {*flight, *inputs})
     c, s = ca.cos(pitch), ca.sin(pitch)
     attitude = ca.vertcat(ca.horzcat(c, 0, s), ca.horzcat(0, 1, 0), ca.horzcat(-s, 0, c))
 
@@ -164,15 +163,15 @@ def wing_model(
     size = of_air.size
     states = ca.MX.sym("lag", size)
     load = load_of(states)
-    symbols = {**({"lag": states} if size else {}), **inputs, **parameters}
+    symbols = {**({"lag": states} if size else {}), **inputs, **flight, **design}
     root = RootMotion(
         pose=Pose(rotation=attitude, position=ca.DM.zeros(3)), gravity=[0, 0, gravity]
     )
     loads = [load, *wing.loads]
-    forces = inverse_dynamics_function(beam, loads, symbols, root=root, name=f"{name}_forces")
+    forces = forces_function(f"{name}_forces", wing, loads, symbols, root)
     boundaries = inertial_mesh(beam, loads).stations
     rates = (
-        _rates_function(f"{name}_lag_rates", wing, load, attitude, boundaries, symbols)
+        rates_function(f"{name}_lag_rates", wing, load, attitude, boundaries, symbols)
         if size
         else None
     )
@@ -185,8 +184,13 @@ def wing_model(
         )
     )
     u = Layout(tuple(Part(key, 1, "rad") for key in inputs))
-    p = Layout(tuple(Part(key, 1, _UNITS[key]) for key in parameters))
-    motion = _equations(name, wing, forces, rates, load, (x, u, p), damping)
+    p = Layout(
+        (
+            *(Part(key, 1, _UNITS[key]) for key in flight),
+            *(Part(key, symbol.numel(), "SI") for key, symbol in design.items()),
+        )
+    )
+    motion = equations(name, wing, forces, rates, load, design, (x, u, p), damping)
     model = second_order_model(
         name=name,
         x=x,
@@ -209,51 +213,17 @@ def wing_model(
 _UNITS = {"airspeed": "m/s", "pitch": "rad", "gust": "m/s"}
 
 
-def _equations(
-    name: str,
-    wing: Wing,
-    forces: ca.Function,
-    rates: ca.Function | None,
-    load: UnsteadyAirload,
-    layouts: tuple[Layout, Layout, Layout],
-    damping: Number,
-) -> SecondOrder:
-    """The equations of motion from the Functions of forces and of the rates of lag states."""
-    x_layout, u_layout, p_layout = layouts
-    beam, n = wing.beam, wing.beam.basis.n
-    stiffness = ca.MX(ca.densify(stiffness_matrix(beam)))
-    matrix = damping_matrix(damping, n, stiffness)
-    x, a = ca.MX.sym("x", x_layout.size), ca.MX.sym("acceleration", n)
-    u, p = ca.MX.sym("u", u_layout.size), ca.MX.sym("p", p_layout.size)
-    state = x_layout.split(x)
-    others = [state["lag"]] if "lag" in state else []
-    others += [*u_layout.split(u).values(), *p_layout.split(p).values()]
-    balance = forces(state["q"], state["q_dot"], a, *others)
-    balance += matrix @ state["q_dot"]
-    loads = [load, *wing.loads]
-    mass = mass_matrix(beam, state["q"], loads) + apparent_mass_matrix(
-        beam, state["q"], load, inertial_mesh(beam, loads).stations
-    )
-    changes = ca.MX(0, 1) if rates is None else rates(state["q"], state["q_dot"], *others)
-    return SecondOrder(
-        configuration=1,
-        velocities=n,
-        kinematics=ca.Function(f"{name}_kinematics", [x], [state["q_dot"]], ["x"], ["rate"]),
-        balance=ca.Function(
-            f"{name}_balance",
-            [x, a, u, p],
-            [balance, changes],
-            ["x", "acceleration", "u", "p"],
-            ["balance", "other_rates"],
-        ),
-        matrices=ca.Function(
-            f"{name}_matrices",
-            [x, p],
-            [mass, matrix, stiffness],
-            ["x", "p"],
-            ["mass", "damping", "stiffness"],
-        ),
-    )
+def _design(parameters: Mapping[str, ca.MX] | None, taken: set[str]) -> dict[str, ca.MX]:
+    """Design symbols by name, checked."""
+    design = dict(parameters or {})
+    for key, symbol in design.items():
+        if not isinstance(symbol, ca.MX) or not symbol.is_valid_input() or not symbol.is_column():
+            raise ValueError(
+                f"parameters[{key!r}]: expected an MX symbol, a column, found {symbol!r}"
+            )
+        if key in taken or key in ("q", "q_dot", "q_ddot", "lag"):
+            raise ValueError(f"parameters: expected a name of its own, found {key!r}")
+    return design
 
 
 def _output(name: str, model: ControlModel, values: ca.Function, y: Layout) -> ca.Function:
@@ -271,26 +241,3 @@ def _output(name: str, model: ControlModel, values: ca.Function, y: Layout) -> c
     others += [*model.u.split(u).values(), *model.p.split(p).values()]
     result = values(state["q"], state["q_dot"], accelerations, *others)
     return ca.Function(name, [x, u, p], [result], ["x", "u", "p"], ["y"])
-
-
-def _rates_function(
-    name: str,
-    wing: Wing,
-    load: UnsteadyAirload,
-    attitude: ca.MX,
-    boundaries: Array,
-    symbols: dict[str, ca.MX],
-) -> ca.Function:
-    """q, q_dot, states, inputs, parameters -> rates of the states, with structured derivatives."""
-    n = wing.beam.basis.n
-    q, q_dot = ca.MX.sym("q", n), ca.MX.sym("q_dot", n)
-    stacked = ca.veccat(*symbols.values())
-    value = state_rates(wing.beam, q, q_dot, load, attitude.T, boundaries).value
-    missing = free_symbols(value, [q, q_dot, stacked])
-    if missing:
-        raise ValueError(f"wing: expected numbers, found the symbols {', '.join(missing)}")
-    found = state_rates(wing.beam, q, q_dot, load, attitude.T, boundaries, stacked)
-    slopes = ca.horzcat(found.by_weights, found.by_rates, found.by_parameters)
-    return with_jacobian(
-        name, {"q": q, "q_dot": q_dot, **symbols}, {"rates": value}, {"rates": slopes}
-    )

@@ -32,6 +32,7 @@ from curvcasadi.kinematics.state import StateLayout, StationMotion
 from curvcasadi.lie import se3, so3
 from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.expressions import AnyExpr
+from curvcasadi.symbolic.functions import identities
 from curvcasadi.symbolic.layout import Layout, Part
 
 #: Standard gravity, m/s².
@@ -89,6 +90,14 @@ def output_function(
     states = {key: ca.MX.sym(key, n) for key in ("q", "q_dot", "q_ddot")}
     inputs = {**states, **around.symbols}
     values: dict[str, AnyExpr] = {}
+    shaping = set(identities(wing.beam.design_symbols.values()))
+    geometry = {k: s for k, s in around.symbols.items() if shaping & set(identities([s]))}
+    beyond = [key for key in asked if key in {**ROOT, **STATION} and geometry]
+    if beyond:
+        raise ValueError(
+            f"outputs: expected those of tip and curvature where parameters shape the beam, as "
+            f"{min(geometry)} does; found {beyond[0]!r}"
+        )
     if not set(asked).isdisjoint(ROOT):
         loads = [around.load, *wing.loads]
         wrench = root_wrench_function(
@@ -98,7 +107,8 @@ def output_function(
     if "curvature" in asked:
         values["curvature"] = ca.veccat(*(curvature(wing.beam, states["q"], xi) for xi in stations))
     if not set(asked).isdisjoint(TIP):
-        position, rotation = tip_function(wing.beam)(states["q"])
+        tip = tip_function(wing.beam, parameters=geometry)
+        position, rotation = tip(states["q"], *geometry.values())
         values |= {"tip_position": position, "tip_rotation": ca.vec(rotation)}
     if not set(asked).isdisjoint(STATION):
         motions = motion_function(f"{name}_motion", wing, around, stations)

@@ -7,6 +7,7 @@ parameters are those at that frequency or time.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,12 +22,23 @@ SAMPLES = 400
 TOLERANCE = 1e-12
 
 
-class Peak(NamedTuple):
-    """The largest value of a response."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Peak:
+    """The largest value of a response.
 
-    at: float  #: where: frequency, rad/s, or time, s
-    value: float  #: amplitude, or change of the output with its sign
-    derivatives: Array  #: by each of `DesignDerivatives.labels`, (m,)
+    Attributes
+    ----------
+    at : float
+        Where it is: frequency, rad/s, or time, s.
+    value : float
+        Amplitude over that of the source, or change of the output with its sign.
+    derivatives : array, shape (m,)
+        By each of `DesignDerivatives.labels`.
+    """
+
+    at: float
+    value: float
+    derivatives: Array
 
 
 def response_peak(
@@ -81,7 +93,8 @@ def response_peak(
         at = float(brentq(slope, grid[k - 1], grid[k + 1], xtol=TOLERANCE * high))
     h, x, y = solved(at)
     changes = c.slopes @ x + d.slopes + (a.slopes @ x + b.slopes) @ y
-    return Peak(at, abs(h), np.real(np.conj(h) * changes) / abs(h))
+    slopes = np.real(np.conj(h) * changes) / abs(h)
+    return Peak(at=at, value=abs(h), derivatives=slopes)
 
 
 def gust_peak(
@@ -158,7 +171,7 @@ def gust_peak(
                 )
                 peak = expm((at - times[j]) * flow) @ states[j]
     slopes = c.slopes @ peak[:n] + peak[n:size].reshape(m, n) @ c.value + d.slopes * peak[size]
-    return Peak(float(at), float(row @ peak), slopes)
+    return Peak(at=float(at), value=float(row @ peak), derivatives=slopes)
 
 
 class _Part(NamedTuple):

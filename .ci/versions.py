@@ -48,7 +48,8 @@ def tested(version: str, python: str, wheel: Path, folder: Path) -> bool:
     tests = place / "tests"
     shutil.copytree(ROOT / "tests", tests)
     shutil.copytree(ROOT / "ocp_examples", place / "ocp_examples")
-    pip = [str(own), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    options = ["--quiet", "--disable-pip-version-check", "--no-compile"]
+    pip = [str(own), "-m", "pip", "install", *options]
     names = [f"tests/claims/test_{name}.py" for name in TESTS]
     pytest = [str(own), "-m", "pytest", "-q", "--import-mode=importlib", "-p", "no:cacheprovider"]
     commands = [

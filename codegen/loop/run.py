@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import select
 import shutil
 import subprocess
 import sys
@@ -82,23 +83,26 @@ class Processor:
         self.process = subprocess.Popen(
             toolchain.emulator(program, cpu), cwd=folder, stdout=subprocess.PIPE, text=True
         )
-        self.to = (folder / "samples").open("wb", buffering=0)
-        self.back = (folder / "results").open("rb")
+        # For both ways, as opening a pipe for one waits for the other end, which may never come.
+        self.to, self.back = (os.open(folder / name, os.O_RDWR) for name in ("samples", "results"))
 
     def __call__(self, measured: Array) -> Array:
-        self.to.write(measured.astype(self.number).tobytes())
-        content = self.back.read(self.reply.itemsize)
-        if len(content) < self.reply.itemsize:
-            raise RuntimeError(f"the program ended with {self.process.wait()}")
+        os.write(self.to, measured.astype(self.number).tobytes())
+        content = b""
+        while len(content) < self.reply.itemsize:
+            if select.select([self.back], [], [], 1.0)[0]:
+                content += os.read(self.back, self.reply.itemsize - len(content))
+            elif self.process.poll() is not None:
+                raise RuntimeError(f"the program ended with {self.process.returncode}")
         answer = np.frombuffer(content, self.reply)[0]
         self.answers.append(answer)
         return np.asarray(answer["u"], dtype=float)
 
     def end(self) -> str:
         """What the program prints when no more samples come."""
-        self.to.close()
+        os.close(self.to)
         text, _ = self.process.communicate(timeout=toolchain.SECONDS)
-        self.back.close()
+        os.close(self.back)
         return text
 
 

@@ -1,4 +1,4 @@
-"""Draws docs/published.svg, equilibria over published points: `python -m docs.published`.
+"""Draws docs/published.svg, our results over published points: `python -m docs.published`.
 
 To be run at the top of the repository: the cases are those of `benchmarks.statics`.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,6 +16,7 @@ from matplotlib.figure import Figure
 
 import curvcasadi as cc
 from benchmarks.statics import UP, bend, case, pazy_sweep, rod, smith_wing, strip_load, tip
+from curvcasadi.lie import quaternion
 from curvcasadi.symbolic.expressions import Array
 
 FOLDER = Path(__file__).parent
@@ -36,10 +38,13 @@ HOLLOW: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "white", "zord
 
 
 def published_figure() -> Figure:
-    """A panel each for the cases 02, 03, 04, 05, 10 and D11."""
-    figure = Figure(figsize=(10.2, 5.8), layout="constrained")
-    axes = figure.subplots(2, 3)
-    panels = (elastica, follower, dead_bend, follower_bend, pazy, smith)
+    """A panel each for the cases 02, 03, 04, 05, 10, D11, D04, D05 and D08."""
+    figure = Figure(figsize=(10.2, 8.7), layout="constrained")
+    axes = figure.subplots(3, 3)
+    panels = (
+        *(elastica, follower, dead_bend, follower_bend, pazy, smith),
+        *(sine_loaded, spaghetti, bent_frequencies),
+    )
     for draw, ax in zip(panels, axes.flat, strict=True):
         draw(ax)
         ax.margins(x=0.02)
@@ -182,6 +187,127 @@ def smith(ax: Axes) -> None:
         ylabel="tip height, m",
     )
     ax.legend(loc="upper left")
+
+
+def sine_loaded(ax: Axes) -> None:
+    """Case D04 with four weights: the force is 1000 sin(200 t) N."""
+    data = case("D04")
+    stiffness = data["section"]["EI_N_m2"]
+    section = cc.Section(
+        GJ=1.0,
+        EI_y=stiffness,
+        EI_z=stiffness,
+        mass_per_length=data["section"]["mass_per_length_kg_m"],
+    )
+    beam = cc.Beam(
+        length=1.0,
+        basis=cc.ChannelBasis(out_of_plane=cc.Legendre(4)),
+        grid=cc.Grid.lobatto(8),
+        section=section,
+    )
+    push = ca.MX.sym("push")
+    force = cc.PointForce(1.0, ca.vertcat(0, 0, push))
+    model = cc.beam_model(beam, [force], inputs={"push": push}, outputs=["position"])
+    motion = cc.simulate(
+        model,
+        None,
+        np.linspace(0, 0.102, 511),
+        u=lambda t: [1000 * np.sin(200 * t)],
+        method="implicit_midpoint",
+        dt=1e-4,
+    )
+    exact = data["reference"]
+    ax.plot(1e3 * motion.t, 1e3 * motion.part("position")[2], color=BLUE, label="four weights")
+    times, heights = (1e3 * np.array(exact[key]) for key in ("t_s", "tip_z_m"))
+    ax.plot(times, heights, "o", color=BLUE, **HOLLOW, label="exact modal sum")
+    ax.set(
+        title="(g) Cantilever of 1 m, sine force at the tip",
+        xlabel="time, ms",
+        ylabel="tip height, mm",
+        ylim=(-0.36, 0.48),
+    )
+    ax.legend(loc="upper left", ncols=2)
+
+
+def spaghetti(ax: Axes) -> None:
+    """Case D05 with eight weights: the pushed end of a free beam."""
+    section = cc.Section(
+        GJ=500, EI_y=100, EI_z=100, mass_per_length=1, inertia=np.diag([20, 10, 10])
+    )
+    beam = cc.Beam(
+        length=10.0,
+        basis=cc.ChannelBasis(out_of_plane=cc.Legendre(8)),
+        grid=cc.Grid.lobatto(16),
+        section=section,
+        root=cc.Pose(rotation=[[0.6, 0, 0.8], [0, 1, 0], [-0.8, 0, 0.6]], position=[0, 0, 0]),
+    )
+    push = (cc.PointForce(1.0, [8, 0, 0]), cc.PointMoment(1.0, [0, 80, 0]))
+    start, tips = None, []
+    for loads, first, last in ((push, 0.0, 2.5), ((), 2.5, 7.5)):
+        wing = cc.Wing(name="beam", beam=beam, loads=loads)
+        alone = cc.Aircraft(body=cc.NoBody(), beams=(wing,))
+        model = cc.aircraft_model(alone, density=0, gravity=0, outputs=["tip_position_beam"])
+        times = np.linspace(first, last, 1 + round(40 * (last - first)))
+        motion = cc.simulate(model, start, times, dt=0.0025)
+        start = motion.x[:, -1]
+        tips += [
+            quaternion.rotation(ca.DM(x[:4])).full() @ tip + x[4:7]
+            for x, tip in zip(motion.x.T, motion.y.T, strict=True)
+        ]
+    times = np.concatenate([np.linspace(0, 2.5, 101), np.linspace(2.5, 7.5, 201)])
+    moved = np.array(tips) - tips[0]
+    code = case("D05")["reference"]["AeroBeams_2D_tip"]
+    for k, color, name, values in (
+        (0, BLUE, "along x", ("u1_min", "u1_max", "u1_at_t7.5")),
+        (2, ORANGE, "along z", ("u3_max", "u3_at_t7.5")),
+    ):
+        ax.plot(times, moved[:, k], color=color, label=name)
+        instants = {"min": moved[:, k].argmin(), "max": moved[:, k].argmax(), "t7.5": -1}
+        at = [times[instants[value.rpartition("_")[2]]] for value in values]
+        ax.plot(at, [code[value] for value in values], "o", color=color, **HOLLOW)
+    ax.plot([], [], "o", color="black", **HOLLOW, label="AeroBeams: extremes, end")
+    ax.set(
+        title="(h) Free flying beam, its pushed end",
+        xlabel="time (consistent units)",
+        ylabel="displacement (consistent units)",
+        ylim=(-4, 15),
+    )
+    ax.legend(loc="upper left")
+
+
+def bent_frequencies(ax: Axes) -> None:
+    """Case D08: the HALE wing about shapes bent by a dead tip force."""
+    section = cc.Section(
+        GJ=1e4,
+        EI_y=2e4,
+        EI_z=4e6,
+        mass_per_length=0.75,
+        inertia=np.diag([0.1, 5e-4, 0.0995]),
+    )
+    families = {"torsion": 3, "out_of_plane": 5, "in_plane": 4}
+    basis = cc.ChannelBasis(**{name: cc.Legendre(n) for name, n in families.items()})
+    beam = cc.Beam(length=16.0, basis=basis, grid=cc.Grid.lobatto(16), section=section)
+    heights, found, q = [], [], None
+    for force in np.linspace(0, 40, 41):
+        loads = [cc.PointForce(1.0, force * UP)]
+        rest = cc.solve_equilibrium(beam, loads, q)
+        q = rest.q
+        heights.append(float(rest.shape.tip.position[2]))
+        found.append(cc.natural_frequencies(beam, q, loads)[:5])
+    ax.plot(heights, found, color=BLUE, lw=1)
+    ax.plot([], [], color=BLUE, lw=1, label="twelve weights")
+    published = case("D08")["reference"]
+    for curve in published.values():
+        if isinstance(curve, dict) and {"tip_z", "w"} <= set(curve):
+            ax.plot(curve["tip_z"], curve["w"], "x", color="black", markersize=4)
+    ax.plot([], [], "x", color="black", markersize=4, ls="none", label="Patil 2001")
+    ax.set(
+        title="(i) 16 m wing, frequencies about bent shapes",
+        xlabel="tip height, m",
+        ylabel="frequency, rad/s",
+        ylim=(0, 60),
+    )
+    ax.legend(loc="upper left", ncols=2)
 
 
 def _tips(beam: cc.Beam, loads: list[list[Any]]) -> Array:

@@ -7,10 +7,14 @@ A wrong file is refused by a `ValueError` that says where, what was expected and
 from __future__ import annotations
 
 import inspect
+import warnings
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
+
+import casadi as ca
+import numpy as np
 
 from curvcasadi.aero import AerodynamicLoad, Flow, StripAerodynamics
 from curvcasadi.beam import families
@@ -66,6 +70,8 @@ def _family_keys(name: str) -> Keys:
     )
 
 
+#: An unloaded wing that turns more from root to tip, rad, than a winglet is likely given in other units.
+LARGEST_TURN = 1.7
 _LIMIT = toml.REAL | toml.list_of(toml.REAL, "a list of numbers")
 
 WING = Keys(
@@ -330,6 +336,8 @@ def read_wing(file: toml.Table) -> WingFile:
     description["basis"] = basis_of(file.table("basis"), section, description["length"])
     with beam.owning_errors():
         made = Beam(**description)
+    if "initial_curvature" in beam.content:
+        _doubt_initial_curvature(beam, made)
     loads = [read_load(table) for table in file.tables("loads")]
     strips = read_strips(file.table("aerodynamics")) if "aerodynamics" in tables else None
     if "airstream" in tables:
@@ -447,6 +455,20 @@ def _initial_curvature(table: toml.Table) -> families.Tabulated:
     values = table.read(INITIAL_CURVATURE)
     with table.owning_errors():
         return families.Tabulated(**values)
+
+
+def _doubt_initial_curvature(table: toml.Table, beam: Beam) -> None:
+    """Warn of an unloaded wing that turns so far that its curvature is likely no curvature."""
+    stations = np.linspace(0, 1, 201)
+    curvature = np.hstack([ca.DM(beam.initial_curvature_at(xi)).full() for xi in stations])
+    turned = float(np.mean(np.linalg.norm(curvature, axis=0)) * beam.length)
+    if turned > LARGEST_TURN:
+        warnings.warn(
+            f"{table.path}: [{table.name}] initial_curvature: the unloaded wing turns by "
+            f"{np.degrees(turned):.0f} degrees from root to tip; curvature is in rad/m, the slope "
+            "of twist. Angles along the span go to [beam.geometry] twist, in rad",
+            stacklevel=2,
+        )
 
 
 def _weight_bounds(table: toml.Table) -> tuple[Any, Any]:

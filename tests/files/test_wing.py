@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+import warnings
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -739,3 +740,16 @@ def test_a_table_of_estimates_holds_weights(tmp_path):
     path.write_text("time,q0,q1,std_q0\n0,1,2,0.1\n")
     with pytest.raises(ValueError, match="found the unknown std_q0"):
         load_weights(path, 2)
+
+
+def test_a_curvature_that_is_likely_a_twist_in_degrees_is_doubted(tmp_path):
+    text = (EXAMPLES / "hale_wing.toml").read_text()
+    path = tmp_path / "wing.toml"
+    for curvature, doubted in (("[0.02, 0, 0]", False), ("[3.0, 0, 0]", True)):
+        line = f"weight_bounds = 0.15\ninitial_curvature = {curvature}"
+        path.write_text(text.replace("weight_bounds = 0.15", line))
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            load_beam(path)
+        words = [str(w.message) for w in found if "turns by 2750 degrees" in str(w.message)]
+        assert len(words) == doubted

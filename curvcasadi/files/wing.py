@@ -70,7 +70,7 @@ def _family_keys(name: str) -> Keys:
     )
 
 
-#: An unloaded wing that turns more from root to tip, rad, than a winglet is likely given in other units.
+#: What turns more from root to tip, rad, than a winglet is likely given in other units.
 LARGEST_TURN = 1.7
 _LIMIT = toml.REAL | toml.list_of(toml.REAL, "a list of numbers")
 

@@ -30,7 +30,7 @@ SLOW = {
     "claims/test_docs.py",
     "statics/test_equilibrium.py",
     "solvers/test_qp.py",
-    "solvers/test_sqp.py",
+    "solvers/test_gauss_newton.py",
     "control/test_simulation.py",
     "symbolic/test_batch.py",
     "symbolic/test_sweep.py",

@@ -114,7 +114,7 @@ class SolverC:
             *(f"{name}_held", f"{name}_goals"),
             *(self.symbol(f) for f in (stages.error, stages.step, stages.limits)),
             *(f"{name}_{key}_{part}" for key in "abcg" for part in ("row", "col")),
-            *(_real(stages.move_weight), _real(stages.damping)),
+            *map(_real, (stages.move_weight, stages.input_weight, stages.damping)),
         ]
         return [*lines, _struct("gn_stages", f"{name}_stages", fields)]
 
@@ -144,8 +144,8 @@ class SolverC:
             *(f"&{name}_stages" if stages else "0", self._stage_reals),
             *(problem.iterations or 0, problem.passes, problem.halvings, _changes(problem)),
             *map(_real, qp),
-            *map(_real, (step, tolerances.stationarity, tolerances.limit)),
-            *map(_real, (tolerances.flat, problem.enough, decrement)),
+            *map(_real, (step, tolerances.limit, problem.flatness, problem.still)),
+            *map(_real, (problem.enough, decrement)),
             int(problem.relative),
         ]
         return [*lines, _struct("gn_problem", f"{name}_problem", fields)]

@@ -12,13 +12,15 @@ from curvcasadi.beam.beam import Beam
 from curvcasadi.ocp.limits import Limits, Regularizer, regularizer_matrix, shape_limits
 from curvcasadi.ocp.targets import Residuals, Target, residuals, values_of
 from curvcasadi.solvers.interrupt import solved
-from curvcasadi.solvers.sqp import roomy, with_room
 from curvcasadi.symbolic.expressions import Array, Number
 
 Hessian = Literal["gauss_newton", "limited_memory"]
 
 #: Part of a tolerance that the regularizer may use up: the target stays well within it.
 _USED_TOLERANCE = 1e-2
+#: Bounds of a last constraint that is none. CasADi's `qrqp` lists where multipliers change their
+#: signs in a vector too short for all of them and its end; that of this one is always zero.
+_ROOM = {"lbg": -np.inf, "ubg": np.inf}
 #: Damping of the Gauss–Newton Hessian along directions that no target sees, times W.
 _DAMPING = 1e-6
 
@@ -64,7 +66,7 @@ class ReachSolvers:
         self, problem: ReachProblem, hessian: Hessian, solver: str, options: dict[str, Any]
     ) -> None:
         self.problem, self.iterations, self.converged = problem, 0, False
-        self._roomy = solver == "sqpmethod"
+        self._has_room = solver == "sqpmethod"
         r = problem.residuals
         self._parameters = ca.veccat(*problem.values)
         symbols = ca.veccat(r.positions, r.rotations)
@@ -154,8 +156,8 @@ class ReachSolvers:
     def _solve(self, nlp: ca.Function, q: Array, lower: Array, upper: Array) -> Array:
         lbx, ubx = self.problem.bounds
         limits = {"lbx": lbx, "ubx": ubx, "lbg": lower, "ubg": upper}
-        if self._roomy:
-            limits = with_room(limits)
+        if self._has_room:
+            limits |= {key: np.append(limits[key], side) for key, side in _ROOM.items()}
         solution, stats = solved(nlp, x0=q, p=self._parameters, **limits)
         self.iterations += int(stats["iter_count"])
         self.converged = bool(stats["success"])
@@ -178,7 +180,7 @@ class _NlpFactory:
         """min objective = ½ |residual|² + ½ qᵀ quadratic q, subject to `constraints`."""
         q, options = self._q, dict(self._options)
         if self._solver == "sqpmethod":
-            constraints = roomy(constraints)
+            constraints = ca.vertcat(constraints, ca.MX.zeros(1))  # has the bounds _ROOM
         if self._hessian == "gauss_newton":
             options["hess_lag"] = self._lagrangian_hessian(residual, quadratic, constraints)
         elif self._solver == "ipopt":

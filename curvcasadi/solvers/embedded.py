@@ -67,7 +67,7 @@ class SolverFunction(ca.Function):
 def solver_function(name: str, solver: EmbeddedSolver) -> SolverFunction:
     """The solver as a Function, with the inputs of its `begin` and the outputs of its `finish`."""
     begin, finish = solver.begin, solver.finish
-    inputs = [ca.MX.sym(key, *begin.size_in(key)) for key in begin.name_in()]
+    inputs = [ca.MX.sym(key, begin.sparsity_in(key)) for key in begin.name_in()]
     options: dict[str, Any] = {}
     graph = ca.Function(
         name, inputs, solver.solve(inputs), begin.name_in(), finish.name_out(), options

@@ -83,6 +83,13 @@ class GaussNewton:
     residual_unit : float or None
         Size of a unit in the objective ½ |residual|²; the certificate then asks, too, what a
         Newton step would still take from the residual where the objective is soft.
+    flat : float or None
+        Curvature beside which that of the objective is none in that question. Unless given it is
+        that of the precision, for a largest curvature of 1.
+    stationarity : float or None
+        Tolerance of gradient and idle multipliers in units of x, that of the precision unless
+        given. 0 asks for what is left of the residual alone, multipliers times slack included: the
+        bound of the distance to the optimum where no curvature is below one unit.
     enough : float
         Part of their tolerances at which it converged: no more steps are taken then.
     stages : Stages or None
@@ -103,6 +110,8 @@ class GaussNewton:
     max_iter: int = 100
     halvings: int = 10
     residual_unit: float | None = None
+    flat: float | None = None
+    stationarity: float | None = None
     enough: float = 0.1
     stages: Stages | None = None
     relative: bool = False
@@ -124,6 +133,17 @@ class GaussNewton:
     def tolerances(self) -> Tolerances:
         """Of its precision."""
         return TOLERANCES[self.real]
+
+    @property
+    def flatness(self) -> float:
+        """Curvature beside which that of the objective is none."""
+        return self.tolerances.flat if self.flat is None else self.flat
+
+    @property
+    def still(self) -> float:
+        """Tolerance of gradient and idle multipliers; 0 where these are not asked for."""
+        chosen = self.stationarity
+        return self.tolerances.stationarity if chosen is None else chosen
 
     @property
     def n(self) -> int:
@@ -200,7 +220,8 @@ class GaussNewton:
     ) -> ca.MX:
         """Distance from the optimality conditions over its tolerance, in units of x.
 
-        r = ∇f + Aᵀ λ_g + λ_x = 0, and multipliers only where their limit is reached.
+        r = ∇f + Aᵀ λ_g + λ_x = 0, and multipliers only where their limit is reached; rᵀ H⁻¹ r is
+        what a Newton step would take from |residual|².
         """
         lower, upper = (ca.DM(side) for side in self.limits)
         tolerances = self.tolerances
@@ -208,14 +229,19 @@ class GaussNewton:
         of_x, of_g = ca.vertsplit(multipliers, [0, self.n, self.n + self.m])
         unit = self.unit(H)
         left, multipliers = gradient + of_x + At @ of_g, multipliers / unit
-        idle = ca.vertcat(
-            ca.fmin(ca.fmax(multipliers, 0), ca.fmax(upper - reached, 0)),
-            ca.fmin(ca.fmax(-multipliers, 0), ca.fmax(reached - lower, 0)),
-        )
-        errors = [left / (unit * tolerances.stationarity), idle / tolerances.stationarity]
+        pairs = [
+            (ca.fmax(multipliers, 0), ca.fmax(upper - reached, 0)),
+            (ca.fmax(-multipliers, 0), ca.fmax(reached - lower, 0)),
+        ]
+        errors = []
+        if self.still > 0:
+            idle = [ca.fmin(multiplier, slack) for multiplier, slack in pairs]
+            errors = [part / self.still for part in (left / unit, *idle)]
         if self.residual_unit is not None:
-            curved = ca.triu2symm(H) + unit * tolerances.flat * ca.DM.eye(self.n)
+            curved = ca.triu2symm(H) + unit * self.flatness * ca.DM.eye(self.n)
             gain = ca.dot(left, ca.solve(curved, left, "ldl"))
+            if not errors:
+                gain += unit * sum(ca.sum1(_product(*pair)) for pair in pairs)
             errors.append(ca.sqrt(gain) / (self.residual_unit * tolerances.decrement))
         return ca.norm_2(ca.vertcat(*errors))
 
@@ -227,7 +253,10 @@ class GaussNewton:
 
     def within(self, x: ca.MX) -> ca.MX:
         """x, moved to within its bounds."""
-        lower, upper = (ca.DM(side[: self.n]) for side in self.limits)
+        sides = [side[: self.n] for side in self.limits]
+        if not np.any(np.isfinite(sides)):
+            return x  # NaN, too
+        lower, upper = map(ca.DM, sides)
         return ca.fmin(ca.fmax(x, lower), upper)
 
     def __call__(self, guess: ca.MX, p: ca.MX) -> Solution:
@@ -337,3 +366,8 @@ class GaussNewton:
         }
         done = same | {"done": ca.MX(1)}
         return ca.if_else(is_done, self._state(**done), self._state(**on), True)
+
+
+def _product(multiplier: ca.MX, slack: ca.MX) -> ca.MX:
+    """Multipliers times slack, of which either may be zero and the other infinite."""
+    return ca.fmin(multiplier, _FAR) * ca.if_else(multiplier > 0, slack, 0)

@@ -2,7 +2,9 @@
 
 With x_{k+1} = F(x_k, u_k, p) from a given x_0, the unknowns are the inputs u = (u_0, …, u_{N−1}):
 
-    ½ Σ |r(x_{k+1}, p, goals_k)|² + ½ moves Σ |u_k − u_{k−1}|²,   limits c(x_k, u_k, x_{k+1}, p)
+    ½ Σ |r(x_{k+1}, p, goals_k)|² + ½ moves Σ |u_k − u_{k−1}|² + ½ inputs Σ |u_k|²
+
+    limits of c(x_k, u_k, x_{k+1}, p)
 
 Linearized along the rollout of u, dx_{k+1} = A_k dx_k + B_k du_k = G_{k+1} du, so that the
 quadratic program has inputs alone. dx is the error state, which is shorter than the state where
@@ -39,6 +41,8 @@ class Stages:
         (x, u, x_end, p) -> values (nc, 1), their transposed Jacobian by (dx, u, dx_end), sparse.
     move_weight : float
         Weight of |u_k − u_{k−1}|².
+    input_weight : float
+        Weight of |u_k|².
     damping : float
         Weight of |u − guess|², for the Hessian of every program.
     hold : tuple of int
@@ -53,6 +57,7 @@ class Stages:
     step: ca.Function
     limits: ca.Function
     move_weight: float
+    input_weight: float = 0.0
     damping: float = 0.0
     hold: tuple[int, ...] = ()
     varying: bool = False
@@ -142,7 +147,8 @@ class Stages:
         parts = self.split(parameters)
         x, last = parts[0], parts[2]
         G, before = ca.MX(self.nd, n), ca.DM(nu, n)
-        f, g, H = ca.MX(0), ca.MX.zeros(n), ca.MX(self.damping * ca.DM.eye(n))
+        f, g = self.input_weight * ca.sumsqr(inputs) / 2, self.input_weight * inputs
+        H = ca.MX((self.input_weight + self.damping) * ca.DM.eye(n))
         values, slopes = [ca.MX(0, 1)], [ca.MX(n, 0)]
         for k, first in enumerate(i * nu for i in self.held):
             u, p = inputs[first : first + nu], self.parameter(parts, k)

@@ -222,8 +222,9 @@ def shape_mhe(
 
         ½ |x_0 − x̄|²_{P̄⁻¹} + ½ Σ_k |residual(x_k, y_k)/noise|² + ½ Σ_k |x_{k+1} − F x_k|²_{Q⁻¹}
 
-    where x̄, P̄ tell what the samples before the window say. Gauss–Newton `sqpmethod`; with `qrqp` it
-    becomes self-contained C. The arrival values of the next window are filtered: x̄, P̄ corrected by
+    where x̄, P̄ tell what the samples before the window say: Gauss–Newton on the problem condensed to
+    what drives the state, in units of its standard deviations. It becomes self-contained C. The
+    arrival values of the next window are filtered: x̄, P̄ corrected by
     the sample y_0, linearized at the x_0 found here, and predicted by dt. With linear readings and
     idle bounds the newest state is that of the Kalman filter.
 
@@ -258,9 +259,8 @@ def shape_mhe(
     max_iter : int
         Iterations at most where it converges.
     qp_solver : str
-        "qrqp", which alone becomes self-contained C, or another of CasADi's. Where most bounds hold
-        hard at once it may give up, and, with a rate bound of a random walk in single precision, on
-        one window in twenty; the last two outputs say so.
+        "own" becomes self-contained C; in Python it is CasADi's DAQP on the same numbers. Or
+        another of CasADi's QP solvers, such as "qpoases", for Python alone.
     settings : SqpSettings, optional
         Values of iterations, max_iter and qp_solver in one object, in place of these.
     name : str

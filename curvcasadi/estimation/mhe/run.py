@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from curvcasadi.estimation.belief import check_start
@@ -86,18 +87,18 @@ def _estimate(
     newest, ahead = len(columns) - 1, mhe.window + 1 - len(columns)
     missing = [np.full_like(columns[0], np.nan)] * ahead
     used = (~missing_residuals(mhe.channels, columns[-1])).astype(float)
-    try:
-        found = mhe.step(
-            arrival_mean=at.arrival_mean,
-            arrival_factor=at.arrival_factor,
-            measured=np.column_stack([*columns, *missing]),
-            guess=at.guess,
-            **{
-                key: np.hstack([motion[key] for motion in [*motions, *[motions[-1]] * ahead]])
-                for key in motions[-1]
-            },
-        )
-    except RuntimeError:  # steps to where nothing can be computed: as in C, all stays as it is
+    found = _step(
+        mhe,
+        arrival_mean=at.arrival_mean,
+        arrival_factor=at.arrival_factor,
+        measured=np.column_stack([*columns, *missing]),
+        guess=at.guess,
+        **{
+            key: np.hstack([motion[key] for motion in [*motions, *[motions[-1]] * ahead]])
+            for key in motions[-1]
+        },
+    )
+    if found is None:  # as in C, all stays as it is
         return at._replace(time=time, violation=np.inf, stationarity=np.inf, used=used)
     states = found["states"].full()[:, : newest + 1]
     estimate = WindowEstimate(
@@ -119,3 +120,12 @@ def _estimate(
         arrival_factor=at.arrival_factor,
         guess=np.column_stack([first, estimate.guess[:, :-1]]),
     )
+
+
+def _step(mhe: ShapeMhe, **inputs: Array) -> dict[str, ca.DM] | None:
+    """Outputs of the step by name; None where it leads to what cannot be computed."""
+    try:
+        found: dict[str, ca.DM] = mhe.step(**inputs)
+    except RuntimeError:
+        return None
+    return found if all(value.is_regular() for value in found.values()) else None

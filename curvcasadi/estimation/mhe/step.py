@@ -11,6 +11,7 @@ from curvcasadi.estimation.mhe.window import WindowProblem
 from curvcasadi.estimation.process import predict_function
 from curvcasadi.estimation.samples import samples_function
 from curvcasadi.solvers.certificate import TOLERANCES
+from curvcasadi.solvers.embedded import EmbeddedSolver, solver_function
 from curvcasadi.solvers.settings import SqpSettings
 
 
@@ -42,15 +43,15 @@ def arrival_function(problem: WindowProblem) -> ca.Function:
     )
 
 
-def information_root(size: int) -> ca.Function:
-    """factor of P = U D Uᵀ -> M = D^{-1/2} U⁻¹, upper triangular, with MᵀM = P⁻¹."""
+def deviation_root(size: int) -> ca.Function:
+    """factor of P = U D Uᵀ -> M⁻¹ = U D^½, upper triangular, with M⁻¹ M⁻ᵀ = P."""
     factor = ca.SX.sym("factor", ca.Sparsity.upper(size))
     root = ca.SX(factor.sparsity())
-    for i in range(size):
-        root[i, i] = 1 / ca.sqrt(factor[i, i])
-        for j in range(i + 1, size):
-            root[i, j] = -sum(root[i, k] * factor[k, j] for k in range(i, j))
-    return ca.Function("information_root", [factor], [root], {"cse": True})
+    for j in range(size):
+        root[j, j] = ca.sqrt(factor[j, j])
+        for i in range(j):
+            root[i, j] = factor[i, j] * root[j, j]
+    return ca.Function("deviation_root", [factor], [root], {"cse": True})
 
 
 def step_function(problem: WindowProblem, settings: SqpSettings) -> ca.Function:
@@ -62,23 +63,58 @@ def step_function(problem: WindowProblem, settings: SqpSettings) -> ca.Function:
         "measured": ca.MX.sym("measured", problem.channels.layout.size, nodes),
         "guess": ca.MX.sym("guess", problem.node.size, nodes),
     }
-    known = {key: ca.MX.sym(key, r, c * nodes) for key, (r, c) in problem.known_shapes.items()}
-    mean, factor, measured, guess = inputs.values()
+    known = problem.known_shapes.items()
+    inputs |= {key: ca.MX.sym(key, r, c * nodes) for key, (r, c) in known}
+    solver = EmbeddedSolver(
+        problem=window_solver(problem, settings),
+        begin=_begin(problem, inputs),
+        finish=_finish(problem, inputs),
+    )
+    return solver_function(problem.name, solver)
+
+
+def _begin(problem: WindowProblem, inputs: dict[str, ca.MX]) -> ca.Function:
+    """The step's inputs -> those of the stages that lead along the guess, parameters."""
+    size, width = problem.size, problem.node.size
+    mean, factor, measured, guess, *motion = inputs.values()
     clean = samples_function(problem.sensors)
     pairs = [clean(sample) for sample in ca.horzsplit(measured)]
     samples, seen = (ca.horzcat(*columns) for columns in zip(*pairs, strict=True))
-    data = {"samples": samples, "seen": seen, **known}
+    root = deviation_root(size)(factor)
+    drive, deviations = ca.DM(problem.drive), ca.DM(problem.deviations)
+    transition = ca.sparsify(ca.DM(problem.transition))
+    stages: list[ca.MX] = []
+    expected, driven = mean, root
+    for node in ca.horzsplit(guess):
+        moved = triangular_solve(size)(driven, node[:size, :] - expected)
+        stages.append(ca.vertcat(moved, node[size:, :] / deviations))
+        expected, driven = transition @ node[:size, :], ca.MX(drive)
+    nothing = ca.MX.zeros(width)
+    parameters = [nothing, ca.MX(1), mean, root.nz[:], nothing, samples, seen, *motion]
+    return ca.Function(
+        f"{problem.name}_solver_begin",
+        [*inputs.values()],
+        [ca.vertcat(*stages), ca.veccat(*parameters)],
+        [*inputs],
+        ["start", "parameters"],
+    )
 
-    solver = window_solver(problem, settings)
-    root = information_root(size)(factor)
-    parameters = ca.veccat(mean, root.nz[:], *data.values())
-    found, violation, stationarity = solver(ca.vec(guess), parameters)
-    window = ca.reshape(found, problem.node.size, nodes)
+
+def _finish(problem: WindowProblem, inputs: dict[str, ca.MX]) -> ca.Function:
+    """The step's inputs and the solution -> the step's outputs."""
+    size, width, nodes = problem.size, problem.node.size, problem.nodes
+    mean, factor, measured, _, *motion = inputs.values()
+    ends = ca.MX.sym("ends", width + 1, nodes + 1)
+    window = ends[:width, 1:]
     states, last = window[:size, :], window[:, -1]
-    after = arrival_function(problem)(mean, factor, window[:, 0], *problem.by_node(data)[0])
-    ahead = ca.vertcat(ca.DM(ca.sparsify(ca.DM(problem.transition))) @ last[:size], last[size:, :])
+    first = [ca.horzsplit(part, part.shape[1] // nodes)[0] for part in motion]
+    sample = samples_function(problem.sensors)(measured[:, 0])
+    after = arrival_function(problem)(mean, factor, window[:, 0], *sample, *first)
+    transition = ca.sparsify(ca.DM(problem.transition))
+    ahead = ca.vertcat(transition @ last[:size, :], last[size:, :])
+    violation, stationarity, before = (ca.MX.sym(key) for key in ("v", "s", "before"))
     outputs = {
-        "state": last[:size],
+        "state": last[:size, :],
         "states": states,
         "arrival_mean_after": after[0],
         "arrival_factor_after": after[1],
@@ -86,7 +122,20 @@ def step_function(problem: WindowProblem, settings: SqpSettings) -> ca.Function:
         "violation": violation / TOLERANCES[problem.beam.grid.real].limit,
         "stationarity": stationarity,
     }
-    arguments = {**inputs, **known}
+    found = ca.MX.sym("found", width * nodes)
     return ca.Function(
-        problem.name, [*arguments.values()], [*outputs.values()], [*arguments], [*outputs]
+        f"{problem.name}_solver_finish",
+        [*inputs.values(), found, ends, violation, stationarity, before],
+        [*outputs.values()],
+        [*inputs, "found", "ends", "excess", "distance", "before"],
+        [*outputs],
     )
+
+
+def triangular_solve(size: int) -> ca.Function:
+    """(R upper triangular, b) -> R⁻¹ b, by substitution."""
+    root, b = ca.SX.sym("root", ca.Sparsity.upper(size)), ca.SX.sym("b", size)
+    y = [ca.SX(0)] * size
+    for i in reversed(range(size)):
+        y[i] = (b[i] - sum(root[i, j] * y[j] for j in range(i + 1, size))) / root[i, i]
+    return ca.Function("triangular_solve", [root, b], [ca.vertcat(*y)], {"cse": True})

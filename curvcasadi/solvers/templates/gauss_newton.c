@@ -36,7 +36,8 @@ typedef struct {
   int iterations;          /* 0: until it converges */
   int passes, halvings, changes;
   qp_real reach, primal, dual;            /* of quadratic programs */
-  qp_real step, stationarity, limit, flat; /* that count as none */
+  qp_real step, limit, flat;              /* that count as none */
+  qp_real stationarity;                   /* of gradient and idle multipliers; 0: not asked for */
   qp_real enough;                         /* part of tolerances at which it converged */
   qp_real decrement;                      /* of a residual; 0: not asked for */
   int relative; /* whether what counts as none is relative to the Hessian */
@@ -163,7 +164,7 @@ static qp_real gn_unit(const gn_state *s) {
 static qp_real gn_distance(gn_state *s, const qp_real *x, const qp_real *d) {
   const gn_problem *p = s->problem;
   const qp_real unit = gn_unit(s);
-  qp_real *left = s->qp, sum = 0;
+  qp_real *left = s->qp, sum = 0, gain = 0;
   qp_problem qp;
   int i;
   gn_program(s, &qp);
@@ -179,16 +180,20 @@ static qp_real gn_distance(gn_state *s, const qp_real *x, const qp_real *d) {
     const qp_real slack = s->lam[i] > 0 ? gn_upper(p, i) - reached : reached - gn_lower(p, i);
     const qp_real multiplier = qp_abs(s->lam[i]) / unit;
     const qp_real least = multiplier < slack ? multiplier : slack;
-    const qp_real idle = least < 0 ? 0 : least / p->stationarity;
     qp_add_normal(&qp, i, s->lam[i], left);
-    sum += idle * idle;
+    if (p->stationarity > 0) {
+      const qp_real idle = least < 0 ? 0 : least / p->stationarity;
+      sum += idle * idle;
+    } else {
+      gain += least > 0 ? unit * multiplier * slack : 0;
+    }
   }
-  for (i = 0; i < p->n; ++i) {
+  for (i = 0; i < p->n && p->stationarity > 0; ++i) {
     const qp_real part = left[i] / (unit * p->stationarity);
     sum += part * part;
   }
   if (p->decrement > 0) { /* left' (H + flat)^-1 left */
-    qp_real *l = left + p->n, gain = 0;
+    qp_real *l = left + p->n;
     if (qp_cholesky(&qp, unit * p->flat, l)) {
       for (i = 0; i < p->n; ++i) {
         const qp_real *li = l + QP_PACKED(i);

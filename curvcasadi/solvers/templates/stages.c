@@ -13,7 +13,8 @@ struct gn_stages {
   const short *a_row, *a_col; /* rows of A, B and of the limits' Jacobian */
   const short *b_row, *b_col, *c_row, *c_col;
   const short *g_row, *g_col; /* rows of G_1 ... G_N in turn */
-  qp_real move, damping;      /* weights of |u_k - u_(k-1)|^2 and of |u - guess|^2 */
+  qp_real move, input;        /* weights of |u_k - u_(k-1)|^2, of |u_k|^2, */
+  qp_real damping;            /* and of |u - guess|^2 */
 };
 
 #define GN_ENTRIES(row, n) ((n) ? (row)[n] : 0)
@@ -120,15 +121,15 @@ static void gn_add_error(const gn_stages *s, int k, const qp_real *r, const qp_r
   }
 }
 
-/* The same of the inputs' moves, and of the damping toward the guess */
-static void gn_add_moves(const gn_stages *s, const qp_real *u, const qp_real *before, gn_point *at) {
+/* The same of the inputs and their moves, and of the damping toward the guess */
+static void gn_add_inputs(const gn_stages *s, const qp_real *u, const qp_real *before, gn_point *at) {
   const int n = s->inputs * s->nu;
   int i;
   for (i = 0; i < n; ++i) {
     const qp_real move = u[i] - (i < s->nu ? before[i] : u[i - s->nu]);
-    at->f += s->move * move * move / 2;
-    at->g[i] += s->move * move;
-    at->h[QP_PACKED(i) + i] += s->move + s->damping;
+    at->f += (s->move * move * move + s->input * u[i] * u[i]) / 2;
+    at->g[i] += s->move * move + s->input * u[i];
+    at->h[QP_PACKED(i) + i] += s->move + s->input + s->damping;
     if (i >= s->nu) {
       at->g[i - s->nu] -= s->move * move;
       at->h[QP_PACKED(i - s->nu) + i - s->nu] += s->move;
@@ -166,7 +167,7 @@ static int gn_condense(const gn_stages *s, const short *row, const short *col, c
   qp_zero(n, at->g);
   qp_zero(n, line);
   qp_zero(QP_PACKED(n), at->h);
-  gn_add_moves(s, u, before, at);
+  gn_add_inputs(s, u, before, at);
   for (k = 0; k < s->count && !failed; ++k) {
     const qp_real *goal = before + s->nu, *of_stage = p + k * s->p_step;
     const qp_real *input = u + s->held[k] * s->nu;

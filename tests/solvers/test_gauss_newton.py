@@ -1,4 +1,4 @@
-"""The certificate that solvers give with their result, and the scaling that `qrqp` needs."""
+"""The certificate that solvers give with their result."""
 
 from __future__ import annotations
 
@@ -11,40 +11,63 @@ import pytest
 import curvcasadi as cc
 from curvcasadi.reference_wings import hale_wing
 from curvcasadi.solvers.certificate import TOLERANCES, Bounds, larger
-from curvcasadi.solvers.sqp import gauss_newton_sqp
+from curvcasadi.solvers.gauss_newton import GaussNewton
+from curvcasadi.solvers.stages import linearization
 
 WING = hale_wing()
 TIP = cc.Target(xi=1.0, position=[0, 14, -5], weight=1.0)
 
 
-def _disc(stretch=1.0, iterations=None, max_iter=50):
-    """min stretch ½ |x − p|² with x0 + x1 ≤ 1 and −2 ≤ x ≤ 2."""
-    x, p = ca.MX.sym("x", 2), ca.MX.sym("p", 2)
-    solver = gauss_newton_sqp(
-        "disc",
+def _solver(objective, hessian, constraints, x, p, bounds, **options):
+    linearized = linearization(
+        "linearization",
         x,
         p,
-        stretch * ca.sumsqr(x - p) / 2,
-        stretch * ca.MX.eye(2),
-        ca.sum1(x),
-        Bounds(-2, 2, -ca.inf, 1),
-        nominal=(0, 0),
-        real="double",
-        iterations=iterations,
-        max_iter=max_iter,
+        objective,
+        ca.gradient(objective, x),
+        hessian,
+        constraints,
+        ca.jacobian(constraints, x).T,
     )
+    values = ca.Function("values", [x, p], [constraints, ca.MX(0, 1)])
+    return GaussNewton(
+        name="disc",
+        linearization=linearized,
+        values=values,
+        bounds=bounds,
+        real="double",
+        **options,
+    )
+
+
+def _disc(**options):
+    """min ½ |x − p|² with x0 + x1 ≤ 1 and −2 ≤ x ≤ 2."""
+    x, p = ca.MX.sym("x", 2), ca.MX.sym("p", 2)
+    bounds = Bounds(-2, 2, -ca.inf, 1)
+    hessian = ca.MX(ca.DM.eye(2))
+    solver = _solver(ca.sumsqr(x - p) / 2, hessian, ca.sum1(x), x, p, bounds, **options)
     start = ca.MX.sym("start", 2)
-    solution = solver(start, p)
-    return ca.Function("solve", [start, p], [*solution]), solver
+    found = solver(start, p)
+    outputs = [found.x, found.violation, found.stationarity]
+    return ca.Function("solve", [start, p], outputs), solver
 
 
-@pytest.mark.parametrize("stretch", [1e-6, 1.0, 1e6])
+def _certificate(solver, x, p, lam_x, lam_g):
+    """(violation, stationarity) of any point and multipliers."""
+    multipliers = ca.vertcat(ca.DM(lam_x), ca.DM(lam_g))
+    _, g, H, c, At = solver.linearization(ca.DM(x), ca.DM(p))
+    reached = ca.vertcat(ca.DM(x), c)
+    distance = solver.distance(*map(ca.MX, (H, g, At, reached, multipliers)))
+    violation = solver.violation(ca.MX(ca.DM(x)), ca.MX(c))
+    return [float(ca.evalf(value)) for value in (violation, distance)]
+
+
 @pytest.mark.parametrize(
     "p, expected",
     [((0, 0.5), (0, 0.5)), ((2, 1), (1, 0)), ((-5, 0), (-2, 0)), ((9, 9), (0.5, 0.5))],
 )
-def test_solutions_are_certified_whatever_the_unit_of_the_objective(stretch, p, expected):
-    solve, _ = _disc(stretch)
+def test_solutions_are_certified(p, expected):
+    solve, _ = _disc()
     x, violation, stationarity = solve([0, 0], p)
     np.testing.assert_allclose(x, np.reshape(expected, (2, 1)), atol=1e-8)  # of the solver
     assert float(violation) <= 1e-9
@@ -66,21 +89,19 @@ def test_the_certificate_is_that_of_the_optimality_conditions(
     x, lam_x, lam_g, violation, stationarity
 ):
     _, solver = _disc()
-    found = solver.certificate(x, (2, 1), lam_x, lam_g)
+    found = _certificate(solver, x, (2, 1), lam_x, lam_g)
     if violation is not None:
-        assert float(found[0]) == pytest.approx(violation, abs=1e-15)  # rounding
-    left = float(found[1]) * TOLERANCES["double"].stationarity
+        assert found[0] == pytest.approx(violation, abs=1e-15)  # rounding
+    left = found[1] * TOLERANCES["double"].stationarity
     assert left == pytest.approx(stationarity, abs=1e-12, nan_ok=True)  # rounding over 1e-8
 
 
 def test_constraints_that_are_no_number_are_not_kept():
     """A difference of infinities, which a largest excess would overlook."""
     x, p = ca.MX.sym("x"), ca.MX.sym("p")
-    solver = gauss_newton_sqp(
-        "s", x, p, x**2 / 2, ca.MX(1), x + p, Bounds(-1, 1, 0, 0), nominal=(0, 0), real="double"
-    )
-    assert np.isnan(float(solver.certificate(0, np.nan, 0, 0)[0]))
-    assert float(solver.certificate(0, np.inf, 0, 0)[0]) == np.inf
+    solver = _solver(x**2 / 2, ca.MX(1), x + p, x, p, Bounds(-1, 1, 0, 0))
+    assert np.isnan(_certificate(solver, 0, np.nan, 0, 0)[0])
+    assert _certificate(solver, 0, np.inf, 0, 0)[0] == np.inf
     path = larger(ca.MX.sym("a"), ca.MX(2.0))
     f = ca.Function("f", ca.symvar(path), [path])
     assert (float(f(1)), float(f(3)), np.isnan(float(f(np.nan)))) == (2, 3, True)
@@ -178,15 +199,17 @@ def test_rotations_that_are_none_are_no_solution(matrix):
     assert float(attitude(q_guess=0.001, rotations=true)["violation"]) <= 1
 
 
-def test_a_multiplier_that_is_always_zero_leaves_qrqp_room():
-    """`qrqp` lists multipliers that change their signs, and an end, in a vector of their number.
-
-    With one that never does the list fits; without it `qrqp` wrote beyond its memory.
-    """
-    _, solver = _disc()
-    assert solver.solver.size1_in("lbg") == 2  # of one constraint
-    found = solver.solver(
-        x0=[5, 5], p=[9, 9], lbx=-2, ubx=2, lbg=[-ca.inf, -ca.inf], ubg=[1, ca.inf]
-    )
-    assert float(found["lam_g"][0]) > 0
-    assert float(found["lam_g"][1]) == 0
+@pytest.mark.parametrize(
+    "x, lam_x, lam_g, stationarity",
+    [
+        ((1, 0), (0, 0), 1.0, 0),  # the optimum of p = (2, 1)
+        ((1, 0), (0, 0), 0.9, 0.1 * np.sqrt(2)),  # what the gradient leaves
+        ((1, -0.5), (0, 0), 1.0, np.sqrt(0.25 + 0.5)),  # and a multiplier times its slack
+    ],
+)
+def test_what_is_left_of_the_residual_bounds_the_distance(x, lam_x, lam_g, stationarity):
+    """For a Hessian of one: |r|² + λ slack; the optimum is (1, 0)."""
+    _, solver = _disc(stationarity=0.0, residual_unit=1.0)
+    found = _certificate(solver, x, (2, 1), lam_x, lam_g)[1] * TOLERANCES["double"].decrement
+    assert found == pytest.approx(stationarity, rel=1e-6, abs=1e-12)
+    assert np.linalg.norm(np.subtract(x, (1, 0))) <= np.sqrt(2) * found + 1e-12

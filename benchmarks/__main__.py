@@ -30,6 +30,7 @@ from benchmarks import (
     placement,
     predictive,
     statics,
+    tracking,
     waiting,
 )
 from benchmarks.table import Table
@@ -67,6 +68,7 @@ COUNTED: tuple[Section, ...] = (
     model_estimation.recovery,
     predictive.agreement,
     predictive.endless,
+    tracking.chosen,
     waiting.memory,
 )
 #: Times, which are never counted, and C that gcc takes long for.
@@ -80,6 +82,7 @@ TIMED: tuple[Section, ...] = (
     batch.over_limit,
     batch.threads,
     batch.gust_cases,
+    tracking.dampings,
     dynamics.times,
     motion.times,
     predictive.times,

@@ -1,8 +1,9 @@
 """Real-time iterations that follow the tip along a path: how their damping is chosen.
 
 A path of 250 steps bends every one of six wings up and down and in the plane and back; a second one
-leaves reach by 0.11 m, along the normal of what is within reach. One quadratic program a step, from
-the last step's solution. The table holds the largest distance of the tip to its target.
+leaves reach by 0.11 m, along the normal of what is within reach. One quadratic program a step from
+the last step's solution, at first from rest, in the exported C. The tables hold the largest
+distance of the tip to its target.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from benchmarks.table import Check, Table, checked, compared
 LENGTH, STEPS, BEYOND = 7.4, 250, 0.11
 #: Largest distances allowed, m: on the path in reach, and on that out of reach.
 IN_REACH, OUT_OF_REACH = 0.05, 0.15
-DAMPINGS = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+DAMPINGS = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 REALS = ("double", "float")
 
 
@@ -154,7 +155,3 @@ def dampings() -> Table:
         ("damping", *wings("double")),
         rows,
     )
-
-
-if __name__ == "__main__":
-    print(dampings().render())

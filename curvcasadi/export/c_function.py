@@ -15,6 +15,9 @@ from curvcasadi.symbolic.expressions import instance, positive
 #: Inputs that hold weights where `export_c` is given a beam.
 WEIGHTS = ("q", "q_guess")
 
+#: Inputs of solvers that are zero where a loop begins at rest.
+STARTS = ("x", "u_previous", "guess")
+
 #: Outputs by which a Function that solves says whether it did: met where at most 1.
 VIOLATION, STATIONARITY = "violation", "stationarity"
 
@@ -32,8 +35,8 @@ _WORDS = {
     "rotation": "local to parent; its columns are the local axes",
     "rotations": "local to parent, one target three columns",
     "jacobian": "body Jacobian: m above, m² below, local axes; twist = J q_dot",
-    "distances": "m, to the positions",
-    "angles": "rad, to the rotations",
+    "distances": "m, by which the positions are missed",
+    "angles": "rad, by which the rotations are missed",
     "x": "state",
     "u": "input to apply now",
     "p": "disturbance",

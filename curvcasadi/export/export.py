@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -16,6 +17,7 @@ from curvcasadi.export.c_function import TAKEN, TAKEN_FILES, CFunction, c_functi
 from curvcasadi.export.casadi_c import generate as generated
 from curvcasadi.export.manifest import manifest
 from curvcasadi.ocp.mpc import Mpc
+from curvcasadi.solvers.embedded import SolverFunction
 from curvcasadi.symbolic.expressions import choice, function_name
 
 #: What a caller must know of static memory, by whether it is shared.
@@ -53,7 +55,8 @@ def export_c(
     directory : str or Path
         Folder to write into; made if it does not exist.
     real : {"double", "float"}
-        Type of all numbers; for "float" build the model with `Grid(real="float")`.
+        Type of all numbers; for "float" build the model with `Grid(real="float")`. A warning names
+        a solver that was not.
     beam : Beam, optional
         Beam whose weights the inputs q and q_guess of plain Functions are: their wrappers refuse
         weights beyond its bounds or its largest element angle.
@@ -64,7 +67,8 @@ def export_c(
         needs: then no two of them may run at once, as from an interrupt.
     reference_inputs : mapping of str to sequence, optional
         By function name, the inputs at which the self-test compares; five weight-sized random ones
-        (|x| ≤ 0.05) unless given. Solvers need theirs.
+        (|x| ≤ 0.05) unless given. Solvers need theirs. The self-test also compares at rest, where a
+        loop begins: the first inputs with weights, states and guesses of zero, if those are solved.
 
     Returns
     -------
@@ -100,6 +104,7 @@ def export_c(
     source, header, work = generated.generate(casadi_functions, f"{name}_functions", real)
     for export in exports:
         export.refuse_unchecked_solver()
+        _warn_of_precision(export.function, real)
     wrapped = [
         wrappers.Wrapper(
             export=f,
@@ -148,6 +153,17 @@ def export_c(
     for file, text in texts.items():
         (folder / file).write_text(text)
     return described
+
+
+def _warn_of_precision(function: ca.Function, real: str) -> None:
+    """Warn of a solver whose tolerances single precision cannot meet."""
+    if real == "float" and isinstance(function, SolverFunction):
+        if function.solver.problem.real == "double":
+            warnings.warn(
+                f"functions: {function.name()!r} solves to tolerances of double precision, which "
+                'single precision may not meet; build its beam with Grid(..., real="float")',
+                stacklevel=3,
+            )
 
 
 def _examples(functions: Any) -> dict[str, Sequence[Sequence[Any]]]:

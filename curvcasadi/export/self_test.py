@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from curvcasadi.export.c_function import STATIONARITY, VIOLATION, CFunction
+from curvcasadi.export.c_function import STARTS, STATIONARITY, VIOLATION, WEIGHTS, CFunction
 from curvcasadi.export.wrappers import Wrapper
 from curvcasadi.kinematics.weights import tolerated_bounds
 from curvcasadi.symbolic.expressions import Array, Real, expression, is_numeric
@@ -64,6 +64,11 @@ def _test(wrapper: Wrapper, given: Sequence[Sequence[Any]] | None) -> str:
     samples = [_sample(wrapper, values) for values in inputs]
     outputs = [_outputs(export, sample) for sample in samples]
     statuses = [_status(export, output) for output in outputs]
+    rest = _at_rest(wrapper, samples)
+    if rest:
+        samples, outputs, statuses = (
+            [*many, one] for many, one in zip((samples, outputs, statuses), rest, strict=True)
+        )
     if "OK" not in statuses:
         raise ValueError(
             f"reference_inputs: expected one at least that {name!r} solves, found "
@@ -141,6 +146,34 @@ def _bad_input(wrapper: Wrapper, arguments: list[str]) -> list[str]:
         "    if (!untouched(&out, sizeof out)) return touched(-1);",
         "  }",
     ]
+
+
+def _at_rest(
+    wrapper: Wrapper, samples: list[list[ca.DM]]
+) -> tuple[list[ca.DM], dict[str, ca.DM], str] | None:
+    """The first sample with weights, states and guesses at zero, where a loop begins.
+
+    None where one of the samples is that, where zero is out of bounds or cannot be evaluated, and
+    where a solver does not solve it.
+    """
+    export = wrapper.export
+    starts = [i for i, key in enumerate(export.function.name_in()) if _is_start(export, key)]
+    if not starts or any(all(s[i].is_zero() for i in starts) for s in samples):
+        return None
+    sample = [
+        ca.DM(value.sparsity(), 0) if i in starts else value for i, value in enumerate(samples[0])
+    ]
+    try:
+        sample = _sample(wrapper, sample)
+        outputs = _outputs(export, sample)
+        status = _status(export, outputs)
+    except ValueError:
+        return None
+    return (sample, outputs, status) if status == "OK" else None
+
+
+def _is_start(export: CFunction, key: str) -> bool:
+    return key in export.weights or key in WEIGHTS or (export.is_solver and key in STARTS)
 
 
 def _outputs(export: CFunction, sample: list[ca.DM]) -> dict[str, ca.DM]:

@@ -31,16 +31,20 @@ from curvcasadi.symbolic.expressions import Number, Real, function_name, positiv
 #: stronger preference, which leads to the right valley, to ever weaker ones, with which multipliers
 #: converge along directions that the targets hardly see, and to none: a last step onto the targets.
 #: Twice the weight in the Hessian damps Gauss–Newton, which does not know the curvature of the
-#: constraint.
+#: constraint. In single precision the last step is damped by more than the rounding of positions,
+#: 1e-7 of the length: with 3e-8 that moved weights by 1.5e-3 rad/m where targets do not see them.
 _STAGES: dict[Real, tuple[tuple[float, float], ...]] = {
     "double": ((1e-3, 1e-3), (1e-4, 2e-4), (1e-5, 2e-5), (1e-6, 2e-6), (1e-7, 2e-7), (0.0, 1e-9)),
-    "float": ((1e-3, 1e-3), (1e-4, 2e-4), (0.0, 3e-8)),
+    "float": ((1e-3, 1e-3), (1e-4, 2e-4), (0.0, 1e-6)),
 }
 _PREFERENCE_ONLY = ((1.0, 1.0),)
 #: Part of its tolerance to which a stage is solved: a weak preference hides in more.
 _ENOUGH: dict[Real, float] = {"double": 1e-5, "float": 0.03}
 #: Of the guess where the solver converges, times the length, rad.
 _BEND = 1e-5
+
+#: Of real-time iterations: `python -m benchmarks` shows how six wings follow a path with others.
+DAMPING = 1e-3
 
 
 def shape_target_function(
@@ -53,7 +57,7 @@ def shape_target_function(
     regularization: float = 1e-8,
     iterations: int | None = None,
     max_iter: int = 100,
-    damping: float = 0.0,
+    damping: float | None = None,
     qp_solver: str = "own",
     settings: SqpSettings | None = None,
 ) -> ca.Function:
@@ -82,17 +86,18 @@ def shape_target_function(
         As of `reach_shape`.
     regularization : float
         As of `reach_shape`. Where every target is weighted, Gauss–Newton converges slowly if
-        residuals stay: for targets that may be out of reach take 1e-4, and 1e-3 with `iterations`,
-        whose full steps wander with less.
+        residuals stay: for targets that may be out of reach take 1e-4 where it converges.
     iterations : int, optional
         None to converge; k for k quadratic programs with full steps, from the last solution as
         guess, where every target is weighted.
     max_iter : int
         Iterations of one stage at most; there are six stages (with `Grid(real="float")` three), or
         one.
-    damping : float
+    damping : float, optional
         Weight of ½ (q − q_guess)ᵀ W (q − q_guess) in every program, dimensionless: steps stay near
-        the guess where targets hardly see. A converged shape is the same with any.
+        the guess where targets hardly see. A converged shape is the same with any. Unless given it
+        is 1e-3 with `iterations`, of which full steps without damping wander off where the path
+        leaves reach, and 0 where it converges.
     qp_solver : str
         "own" becomes self-contained C; in Python it is CasADi's DAQP on the same numbers. Or
         another of CasADi's QP solvers, such as "qpoases", for Python alone.
@@ -117,6 +122,8 @@ def shape_target_function(
     targets = checked_problem(beam, targets)
     solving = sqp_settings(settings, iterations=iterations, max_iter=max_iter, qp_solver=qp_solver)
     positive("regularization", regularization)
+    if damping is None:
+        damping = 0.0 if solving.iterations is None else DAMPING
     positive("damping", damping, zero=True)
     q = ca.MX.sym("q", beam.basis.n)
     problem = residuals(beam, targets, q)

@@ -27,6 +27,8 @@ from curvcasadi.symbolic.expressions import (
 
 #: Halvings of a step, at most, where it converges.
 HALVINGS = 6
+#: Of real-time iterations, m²/rad², over the larger weight of positions and attitudes.
+DAMPING = 0.1
 
 
 def tip_path_step_function(
@@ -41,7 +43,7 @@ def tip_path_step_function(
     curvature_bound: Number | None = None,
     iterations: int | None = None,
     max_iter: int = 100,
-    damping: float = 0.0,
+    damping: float | None = None,
     qp_solver: str = "own",
     settings: SqpSettings | None = None,
     name: str = "tip_path_step",
@@ -76,10 +78,11 @@ def tip_path_step_function(
         None to converge, 1 for a real-time iteration (one quadratic program, full step).
     max_iter : int
         Programs at most where it converges.
-    damping : float
+    damping : float, optional
         Weight of ½ Σ |u_k − guess_k|² in every program, m²/rad²: steps stay near the guess, and
         move along directions that the path hardly sees by little. A converged plan is the same
-        with any.
+        with any. Unless given it is, with `iterations`, 0.1 m²/rad² times the larger of the weights
+        of positions and attitudes, and 0 where it converges.
     qp_solver : str
         "own" becomes self-contained C; in Python it is CasADi's DAQP on the same numbers. Or
         another of CasADi's QP solvers, such as "qpoases", for Python alone.
@@ -99,7 +102,9 @@ def tip_path_step_function(
         squared element angle over what is allowed, relative, over 1e-6 (`ControlModel.real` float:
         1e-5), or error of a rotation that is none over 1e-2; stationarity (1, 1): what is left of
         the optimality conditions, of the last program for a number of iterations, over 1e-8 (float:
-        1e-6). At most 1 both, where `u` may be applied. Element angles of the states are checked,
+        1e-6); distances (N, 1): m, by which the plan, a compromise of the weights, misses the path
+        at the ends of the stages. At most 1 are violation and stationarity where `u` may be
+        applied. Element angles of the states are checked,
         not kept, and those of inputs are not: bound the weights so that they are.
     """
     function_name("name", name)
@@ -109,9 +114,12 @@ def tip_path_step_function(
         numeric("position_weight", positive("position_weight", position_weight, zero=True)),
         numeric("attitude_weight", positive("attitude_weight", attitude_weight, zero=True)),
         numeric("move_weight", positive("move_weight", move_weight)),
-        numeric("damping", positive("damping", damping, zero=True)),
     ]
     solving = sqp_settings(settings, iterations=iterations, max_iter=max_iter, qp_solver=qp_solver)
+    if damping is None:
+        largest = max(float(weights[0]), float(weights[1]))
+        damping = 0.0 if solving.iterations is None else DAMPING * largest
+    weights.append(numeric("damping", positive("damping", damping, zero=True)))
     limits = _Limits(model, rate_bound, curvature_bound)
     described = _stages(name, model, dt, stages, limits, weights)
     unit = 1 / _largest(described, _at_rest(model, stages, float(weights[1]) > 0))
@@ -183,14 +191,28 @@ def _ends(
     turned = [model.angles(state) - 1 for state in ends] if model.angles else []
     excess = larger(violation, ca.mmax(ca.vertcat(0, *turned)))
     excess = larger(excess / TOLERANCES[model.real].limit, rotations_defect(rotations))
+    distance, goals = _distance(model), ca.horzsplit(inputs["positions"])
+    misses = [distance(x, inputs["p"], goal) for x, goal in zip(ends, goals, strict=True)]
+    distances = ca.vertcat(*misses)
     finish = ca.Function(
         f"{name}_solver_finish",
         [*inputs.values(), found, states, violation, stationarity, before],
-        [applied[0], shifted, states, excess, stationarity],
+        [applied[0], shifted, states, excess, stationarity, distances],
         [*inputs, "found", "end_states", "excess", "distance", "before"],
-        ["u", "plan", "states", "violation", "stationarity"],
+        ["u", "plan", "states", "violation", "stationarity", "distances"],
     )
     return begin, finish
+
+
+def _distance(model: ControlModel) -> ca.Function:
+    """(x, p, position) -> distance of the tip to it, m."""
+    x, p = ca.MX.sym("x", model.x.size), ca.MX.sym("p", model.p.size)
+    goal = ca.MX.sym("position", 3)
+    if model.pose is not None:
+        position = model.pose.call([x])[0]
+    else:
+        position = model.y.split(model.output(x, ca.MX.zeros(model.u.size), p))["position"]
+    return ca.Function("tip_distance", [x, p, goal], [ca.norm_2(position - goal)])
 
 
 def _orthonormal() -> ca.Function:

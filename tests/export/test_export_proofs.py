@@ -474,6 +474,7 @@ def test_the_float_tip_of_the_hale_wing_is_within_1e_5_lengths_of_double(tmp_pat
     random = np.random.default_rng(0)
     q = random.uniform(-bound, bound, (200, double.basis.n))
     q[50:100] = bound * np.sign(q[50:100])
+    q[0] = 0  # or the self-test adds it
     q = q.astype(np.float32).astype(float)
     cc.export_c(
         cc.CFunction(function=cc.tip_function(single), tolerance=1e-5),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 import subprocess
 
 import casadi as ca
@@ -74,6 +75,20 @@ def test_targets_within_reach_are_met_in_single_precision(wing, solve):
     assert missed <= 0.02 * SAMPLES
 
 
+def test_weights_that_targets_do_not_see_are_those_of_double_arithmetic(wing, solve):
+    """Three conditions, six weights: the preference determines the others."""
+    random, tip = np.random.default_rng(6), cc.tip_function(wing)
+    f = cc.shape_target_function(wing, [cc.Target(xi=1.0, position=[15.0, 0, 3])], max_iter=12)
+    for guess in (np.full(N, 0.01), np.zeros(N)):
+        for _ in range(10):
+            goal = tip(random.uniform(-0.04, 0.04, N))[0].full().ravel()
+            status, q, _ = solve(guess, goal)
+            assert status == 0
+            # Positions are rounded to 1e-7 of the length, and the last step is damped by 1e-6 of
+            # what the stiffest direction moves.
+            np.testing.assert_allclose(q, f(guess, goal)[0].full().ravel(), atol=2e-4)
+
+
 def test_targets_out_of_reach_are_refused_in_single_precision(solve):
     statuses = {solve(np.full(N, 0.01), position)[0] for position in ([17, 0, 0], [0, 0, 20])}
     assert statuses == {1}  # infeasible
@@ -97,3 +112,27 @@ def test_what_is_solved_in_single_precision_is_at_the_optimum(wing, tmp_path):
     assert len(solved) > 20 and refused > 5  # both happen
     # The decrement is kept below 1e-4; steps of Gauss-Newton converge linearly, so some more.
     assert max(solved) <= 3e-4
+
+
+def test_a_solver_of_double_precision_is_named_where_it_becomes_single(tmp_path):
+    beam = _wing("double")
+    f = cc.shape_target_function(beam, [cc.Target(xi=1.0, position=[15.0, 0, 3], weight=1.0)])
+    samples = {f.name(): [[np.full(N, 0.01), [15.5, 0, 2]]]}
+    with pytest.warns(UserWarning, match="'shape_target' solves to tolerances of double precision"):
+        cc.export_c([f], tmp_path, real="float", beam=beam, reference_inputs=samples)
+
+
+def test_self_tests_begin_at_rest(wing, tmp_path):
+    """Weights of zero beside the samples that are given, once, for maps and solvers."""
+    target = cc.Target(xi=1.0, position=[15.0, 0, 3], weight=1.0)
+    step = cc.shape_target_function(wing, [target], iterations=1, name="step")
+    samples = {"step": [[np.full(N, 0.01), [15.5, 0, 2]]], "tip": [[np.full(N, 0.01)]]}
+    for given in (samples, {**samples, "tip": [*samples["tip"], [np.zeros(N)]]}):
+        functions = [cc.tip_function(wing), step]
+        cc.export_c(functions, tmp_path, real="float", beam=wing, reference_inputs=given)
+        text = (tmp_path / "check.c").read_text()
+        for name in ("step", "tip"):
+            (rows,) = re.findall(rf"{name}_in0\[\]\[6\] = (.*);", text)
+            assert rows.count("}") == 3  # two samples
+            assert rows.endswith("{0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}}")
+    cc.export.run_check(tmp_path, optimization="-O0")

@@ -282,3 +282,26 @@ def test_wrong_arguments_are_refused(arguments, message):
     beam = replace(WING, **{k: options.pop(k) for k in ("length",) if k in options})
     with pytest.raises(ValueError, match=message):
         cc.shape_target_function(beam, **options)
+
+
+def test_real_time_iterations_stay_where_their_target_leaves_reach():
+    """0.11 m beyond the tip of a straight wing of 7.4 m; without damping they wander off."""
+    wing = cc.Beam(
+        length=7.4,
+        basis=cc.ChannelBasis(torsion=cc.Legendre(2), out_of_plane=cc.Legendre(3)),
+        grid=cc.Grid.uniform(8),
+        weight_bounds=0.3,
+    )
+    worst = {}
+    for options in ({}, {"damping": 0.0}):
+        step = cc.shape_target_function(
+            wing, [cc.Target(xi=1.0, position=[7.4, 0, 0], weight=1.0)], iterations=1, **options
+        )
+        q, distances = np.full(5, 0.001), []
+        for k in range(80):
+            found = step(q_guess=q, positions=[7.4 + 0.11 * min(1, k / 40), 0, 0])
+            q = found["q"]
+            distances.append(float(found["distances"]))
+        worst[len(options)] = max(distances)
+    assert 0.11 * (1 - 1e-3) <= worst[0] <= 0.15
+    assert worst[1] > 1

@@ -139,7 +139,7 @@ def test_elements_that_turn_too_far_are_told():
     )
     model = cc.kinematic_model(beam, time_constant=0.25)
     weights = {"position_weight": 1 / 256, "attitude_weight": 0.1, "move_weight": 2.56e-3}
-    f = cc.tip_path_step_function(model, dt=0.05, horizon=4, iterations=1, **weights)
+    f = cc.tip_path_step_function(model, dt=0.05, horizon=4, iterations=1, damping=0.0, **weights)
     pose = cc.pose_at(beam, [-0.05, 0.05, 0], 1.0)
     path = {
         "positions": ca.repmat(pose.position, 1, 4),
@@ -331,7 +331,19 @@ def test_inputs_and_outputs_have_their_shapes(converged):
         "rotations": (3, 3 * STAGES),
         "guess": (18 * STAGES, 1),
     }
-    assert converged.name_out() == ["u", "plan", "states", "violation", "stationarity"]
+    outputs = ["u", "plan", "states", "violation", "stationarity", "distances"]
+    assert converged.name_out() == outputs
+
+
+def test_a_plan_says_by_how_much_it_misses_the_path(converged):
+    path = _path(GOAL, [0.2, 0.6, 1, 1])
+    path["positions"] = path["positions"] + ca.DM([0.0, 0.3, 0.0])
+    found = _call(converged, path)
+    for k in range(STAGES):
+        tip = cc.pose_at(WING, found["states"][:, k + 1], 1.0).position
+        miss = ca.norm_2(tip - path["positions"][:, k])
+        assert_allclose(found["distances"][k], miss, rtol=1e-12)  # rounding
+        assert float(miss) > 0.1
 
 
 @pytest.mark.parametrize(

@@ -150,6 +150,39 @@ def tip_path_samples(beam: cc.Beam) -> dict[str, Any]:
     return {"tip_path": samples, "tip_path_step": samples}
 
 
+def bounded_tip_path(beam: cc.Beam) -> list[ca.Function]:
+    """One real-time iteration, with rates and curvatures bounded."""
+    return [
+        cc.tip_path_step_function(
+            cc.kinematic_model(beam, time_constant=0.25),
+            dt=DT,
+            horizon=STAGES,
+            attitude_weight=25,
+            iterations=1,
+            rate_bound=0.1,
+            curvature_bound=0.08,
+            name="tip_path_step",
+        )
+    ]
+
+
+def far_tip_path(beam: cc.Beam) -> list[ca.Function]:
+    """The real-time iteration alone."""
+    return tip_path(beam)[1:]
+
+
+def far_samples(beam: cc.Beam) -> dict[str, Any]:
+    """Steps from near rest to a pose far away, without a plan."""
+    random = np.random.default_rng(1)
+    n, tip = beam.basis.n, cc.tip_function(beam)
+    samples = []
+    for _ in range(SAMPLES):
+        start, goal = random.uniform(-0.005, 0.005, n), random.uniform(-0.03, 0.03, n)
+        pose = [ca.repmat(part, 1, STAGES) for part in tip(goal)]
+        samples.append((start, np.zeros(n), start, *pose, np.zeros(2 * STAGES * n)))
+    return {"tip_path_step": samples}
+
+
 def equilibrium(beam: cc.Beam) -> list[ca.Function]:
     """Under a dead force at the tip, an input."""
     force = ca.MX.sym("force", 3)
@@ -217,6 +250,12 @@ LIBRARIES = (
     Library(name="bent_midpoint", beam=strongly_bent("midpoint", 0.06), functions=tip),
     Library(name="bent_magnus4", beam=strongly_bent("magnus4", 0.7), functions=tip),
     Library(
+        name="bent_jacobian",
+        beam=strongly_bent("magnus4", 0.7),
+        functions=lambda beam: tips(beam)[1:],
+        cpus=("cortex-m4",),
+    ),
+    Library(
         name="target",
         beam=FEW_ELEMENTS,
         functions=shape_target,
@@ -230,11 +269,28 @@ LIBRARIES = (
     ),
     Library(name="mpc", beam=FEW_ELEMENTS, functions=tip_path, reference_inputs=tip_path_samples),
     Library(
-        name="statics", beam=wing(), functions=equilibrium, reference_inputs=equilibrium_samples
+        name="mpc_far",
+        beam=FEW_ELEMENTS,
+        functions=far_tip_path,
+        reference_inputs=far_samples,
+        cpus=("cortex-m4",),
+    ),
+    Library(
+        name="mpc_bounded",
+        beam=FEW_ELEMENTS,
+        functions=bounded_tip_path,
+        reference_inputs=far_samples,
+        cpus=("cortex-m4",),
+    ),
+    Library(
+        name="statics",
+        beam=FEW_ELEMENTS,
+        functions=equilibrium,
+        reference_inputs=equilibrium_samples,
     ),
     Library(
         name="ekf",
-        beam=wing(16, rule="magnus4"),
+        beam=FEW_ELEMENTS,
         functions=filter_steps,
         reference_inputs=filter_samples,
         together="ekf_step",

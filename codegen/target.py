@@ -1,4 +1,4 @@
-"""Size and speed of exported functions on Cortex-M7 and M4F, against their budgets.
+"""Size and speed of exported functions on Cortex-M7 and M4F, against their budgets; RISC-V.
 
     python -m codegen.target [--only NAME …] [--update] [--out out/codegen]
 
@@ -6,7 +6,7 @@ Exports the libraries of `benchmark_functions`, compiles them for the targets, r
 self-tests in qemu, each function in a program of its own and, where a library says so, all of them
 in one, and prints a table. Fails where a
 result is not that of Python, where single precision calls double, and where a number exceeds its
-budget by more than 3 %.
+budget by more than 3 %. The self-tests of single precision run on a RISC-V core, too.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from codegen import budgets, map_file, toolchain
+from codegen import budgets, map_file, riscv, toolchain
 from codegen.benchmark_functions import LIBRARIES, RELATIONS, Library
 
 _MEASURED = re.compile(r"^measured (\w+) instructions=(\d+) stack=(\d+)$", re.M)
@@ -121,7 +121,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("out/codegen"), metavar="FOLDER")
     options = parser.parse_args()
 
-    missing = toolchain.missing_tools()
+    missing = toolchain.missing_tools({**toolchain.PACKAGES, **riscv.PACKAGES})
     if missing:
         print("\n".join(missing), file=sys.stderr)
         return 2
@@ -132,6 +132,12 @@ def main() -> int:
     toolchain.build_by_cmake(options.out / chosen[0].name)
     print("Bytes, and instructions (not cycles) of the worst sample:\n")
     print(table(measured))
+    single = [options.out / x.name for x in chosen if x.beam.grid.real == "float"]
+    with ThreadPoolExecutor(2) as pool:
+        sizes = [
+            f"{f.name} {n}" for f, n in zip(single, pool.map(riscv.self_test, single), strict=True)
+        ]
+    print(f"\nSelf-tests pass on {riscv.ARCHITECTURE}, bytes of code: {', '.join(sizes)}")
     return compare(measured, update=options.update)
 
 

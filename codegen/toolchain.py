@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 CORTEX_M = Path(__file__).parent / "cortex_m"
@@ -38,11 +38,11 @@ DOUBLE = re.compile(
 SECONDS = 120  #: that a program may take
 
 
-def missing_tools() -> list[str]:
+def missing_tools(packages: Mapping[str, str] = PACKAGES) -> list[str]:
     """A line for every program that is not on the PATH, with the package that it is in."""
     return [
         f"{tool} is missing (Debian: apt-get install --no-install-recommends {package})"
-        for tool, package in PACKAGES.items()
+        for tool, package in packages.items()
         if shutil.which(tool) is None
     ]
 

@@ -66,9 +66,9 @@ def _test(wrapper: Wrapper, given: Sequence[Sequence[Any]] | None) -> str:
     statuses = [_status(export, output) for output in outputs]
     rest = _at_rest(wrapper, samples)
     if rest:
-        samples, outputs, statuses = (
-            [*many, one] for many, one in zip((samples, outputs, statuses), rest, strict=True)
-        )
+        samples.append(rest[0])
+        outputs.append(rest[1])
+        statuses.append("OK")
     if "OK" not in statuses:
         raise ValueError(
             f"reference_inputs: expected one at least that {name!r} solves, found "
@@ -150,8 +150,8 @@ def _bad_input(wrapper: Wrapper, arguments: list[str]) -> list[str]:
 
 def _at_rest(
     wrapper: Wrapper, samples: list[list[ca.DM]]
-) -> tuple[list[ca.DM], dict[str, ca.DM], str] | None:
-    """The first sample with weights, states and guesses at zero, where a loop begins.
+) -> tuple[list[ca.DM], dict[str, ca.DM]] | None:
+    """The first sample with weights, states and guesses at zero, where a loop begins, and outputs.
 
     None where one of the samples is that, where zero is out of bounds or cannot be evaluated, and
     where a solver does not solve it.
@@ -166,10 +166,10 @@ def _at_rest(
     try:
         sample = _sample(wrapper, sample)
         outputs = _outputs(export, sample)
-        status = _status(export, outputs)
+        is_solved = _status(export, outputs) == "OK"
     except ValueError:
         return None
-    return (sample, outputs, status) if status == "OK" else None
+    return (sample, outputs) if is_solved else None
 
 
 def _is_start(export: CFunction, key: str) -> bool:

@@ -29,6 +29,7 @@ from benchmarks import (
     parallel,
     placement,
     predictive,
+    qp,
     statics,
     tracking,
     waiting,
@@ -69,6 +70,8 @@ COUNTED: tuple[Section, ...] = (
     predictive.agreement,
     predictive.endless,
     tracking.chosen,
+    qp.programs,
+    qp.steps,
     waiting.memory,
 )
 #: Times, which are never counted, and C that gcc takes long for.
@@ -83,6 +86,7 @@ TIMED: tuple[Section, ...] = (
     batch.threads,
     batch.gust_cases,
     tracking.dampings,
+    qp.wings_from_rest,
     dynamics.times,
     motion.times,
     predictive.times,

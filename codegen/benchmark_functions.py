@@ -108,7 +108,7 @@ def shape_target_samples(beam: cc.Beam) -> dict[str, Any]:
 
 
 def shape_target_met(beam: cc.Beam) -> list[ca.Function]:
-    """The solve for a tip position to be met to 1e-5 of the length, in three stages."""
+    """The solve for a tip position to be met to 1e-5 of the length, in stages."""
     target = cc.Target(xi=1.0, position=[15.0, 0, 3])
     return [cc.shape_target_function(beam, [target], max_iter=12, name="shape_target_met")]
 

@@ -31,15 +31,15 @@ from curvcasadi.symbolic.expressions import Number, Real, function_name, positiv
 #: stronger preference, which leads to the right valley, to ever weaker ones, with which multipliers
 #: converge along directions that the targets hardly see, and to none: a last step onto the targets.
 #: Twice the weight in the Hessian damps Gauss–Newton, which does not know the curvature of the
-#: constraint. In single precision the last step is damped by more than the rounding of positions,
-#: 1e-7 of the length: with 3e-8 that moved weights by 1.5e-3 rad/m where targets do not see them.
+#: constraint. In single precision programs are rounded by 6e-8: with a weight of 3e-8 alone the way
+#: onto the targets moved weights that these do not see by 1.5e-3 rad/m.
 _STAGES: dict[Real, tuple[tuple[float, float], ...]] = {
     "double": ((1e-3, 1e-3), (1e-4, 2e-4), (1e-5, 2e-5), (1e-6, 2e-6), (1e-7, 2e-7), (0.0, 1e-9)),
-    "float": ((1e-3, 1e-3), (1e-4, 2e-4), (0.0, 1e-6)),
+    "float": ((1e-3, 1e-3), (1e-4, 2e-4), (0.0, 1e-6), (0.0, 3e-8)),
 }
 _PREFERENCE_ONLY = ((1.0, 1.0),)
 #: Part of its tolerance to which a stage is solved: a weak preference hides in more.
-_ENOUGH: dict[Real, float] = {"double": 1e-5, "float": 0.03}
+_ENOUGH: dict[Real, float] = {"double": 1e-5, "float": 0.01}
 #: Of the guess where the solver converges, times the length, rad.
 _BEND = 1e-5
 
@@ -93,14 +93,14 @@ def shape_target_function(
         None to converge; k for k quadratic programs with full steps, from the last solution as
         guess, where every target is weighted.
     max_iter : int
-        Iterations of one stage at most; there are six stages (with `Grid(real="float")` three), or
+        Iterations of one stage at most; there are six stages (with `Grid(real="float")` four), or
         one.
     damping : float, optional
         Weight of ½ (q − q_guess)ᵀ W (q − q_guess) in every program, dimensionless: steps stay near
         the guess where targets hardly see. A converged shape is the same with any. Unless given it
         is 1e-3 with `iterations`, of which full steps without damping wander off where the path
-        leaves reach, and where it converges 0, in single precision 1e-6: with less, rounding makes
-        programs singular whose targets do not see all weights.
+        leaves reach, and where it converges 0, or in single precision with weights for all targets
+        1e-6: with less, rounding makes programs singular whose targets do not see all weights.
     qp_solver : str
         "own" becomes self-contained C; in Python it is CasADi's DAQP on the same numbers. Or
         another of CasADi's QP solvers, such as "qpoases", for Python alone.
@@ -125,11 +125,13 @@ def shape_target_function(
     targets = checked_problem(beam, targets)
     solving = sqp_settings(settings, iterations=iterations, max_iter=max_iter, qp_solver=qp_solver)
     positive("regularization", regularization)
-    if damping is None:
-        damping = _LEAST_DAMPING[beam.grid.real] if solving.iterations is None else DAMPING
-    positive("damping", damping, zero=True)
     q = ca.MX.sym("q", beam.basis.n)
     problem = residuals(beam, targets, q)
+    if damping is None:
+        damping = DAMPING
+        if solving.iterations is None:
+            damping = 0.0 if len(problem.tolerances) else _LEAST_DAMPING[beam.grid.real]
+    positive("damping", damping, zero=True)
     if solving.iterations is not None and len(problem.tolerances):
         raise ValueError(
             "iterations: expected None, or a weight for every target (least squares): targets to "
@@ -165,7 +167,7 @@ def shape_target_function(
     )
     bend = 0.0 if solving.iterations else _BEND / numeric_length(beam, "a shape target")
     begin, finish = _ends(name, beam, problem, rounds[0], q, bend)
-    steps = [(a / last, a, b) for (last, _), (a, b) in pairwise(rounds)]
+    steps = [(a / last if a else 0.0, a, b) for (last, _), (a, b) in pairwise(rounds)]
     return solver_function(
         name,
         EmbeddedSolver(

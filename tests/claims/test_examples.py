@@ -31,6 +31,7 @@ def test_every_example_is_tested():
         "release_under_load",
         "reach_tip_pose",
         "stiffness_for_flutter",
+        "tip_attitude_tracking",
         "track_tip_path_from_imus",
         "track_tip_path_mpc",
         "trim_least_bending",
@@ -132,6 +133,17 @@ def test_four_imus_know_the_shape_of_a_flapping_wing(tmp_path):
     assert within > 0.99  # of 3σ; 0.997 if the truth were the filter's own process
     assert (tmp_path / "out" / "imus.csv").read_text().startswith("time,gyro_1_x,")
     assert (tmp_path / "out" / "estimate_shape_from_imus.png").exists()
+
+
+def test_the_tip_turns_to_its_target_by_free_rates_and_by_flaps(tmp_path):
+    # The predictive controller takes long to compile, and its settling time is no claim here.
+    controllers = ("held deflections", "geometric law", "LQR")
+    errors, times = run("tip_attitude_tracking", tmp_path, CONTROLLERS=controllers)
+    assert len(errors) == 20 and errors[:, 0].max() > 110  # °
+    assert np.all(errors[:, -1] < 0.2)
+    assert times["held deflections"] == [5.0, 5.0]  # not within 1° in this time
+    assert max(times["geometric law"]) < 2.5 and max(times["LQR"]) < 3.0
+    assert (tmp_path / "out" / "tip_attitude_tracking.png").exists()
 
 
 def test_flaps_suppress_flutter_above_its_speed(tmp_path):

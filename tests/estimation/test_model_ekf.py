@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import casadi as ca
@@ -385,3 +386,86 @@ def test_a_filter_on_a_model_is_exported(shaft, real, tmp_path):
     assert max(differences.values()) < {"double": 1e-12, "float": 1e-4}[real]
     header = (tmp_path / "curv.h").read_text()
     assert "torque (1) SI" in header
+
+
+# Biases, and what is refused ---------------------------------------------------------------------
+
+
+def test_biases_are_estimated_beside_the_shape(shaft):
+    beam, model = shaft
+    sensors = [
+        GYRO,
+        cc.Accelerometer(xi=1.0, noise_density=1e-2, rate=1 / DT, offset=[0, 0.1, 0]),
+        *(cc.ShearGauge(xi=xi, noise=1e-3) for xi in (0.1, 0.6)),
+    ]
+    root = cc.RootMotion(gravity=[0, 0, -9.81])
+    ekf = cc.shape_ekf(
+        beam, sensors, process=model, density=0.05, root=root, gyro_bias=True,
+        accelerometer_bias=True, bias_density=1e-6,
+    )  # fmt: skip
+    deviation = {"q": 0.01, "q_dot": 0.05, "gyro_bias": 0.05, "accelerometer_bias": 0.3}
+    start = ekf.initial(deviation)
+    bias = np.array([0.04, -0.06, 0.03, 0.3, -0.2, 0.4])
+    x, u = ca.MX.sym("x", 4), ca.MX.sym("u")
+    motion = x[:2], x[2:], model.xdot(x, u, 0)[2:]
+    read = ca.Function("read", [x, u], [cc.measure(sensors, beam, *motion, root).values])
+    step, rng = cc.rk4_step(model, DT), np.random.default_rng(8)
+    truth, samples = np.array([0.01, -0.01, 0.05, 0.05]), []
+    for k in range(80):
+        w = 0.05 * np.sqrt(DT) * rng.normal(size=2)
+        torque = 0.05 * np.sin(5 * k * DT)
+        truth = step(truth + np.r_[0, 0, w], torque, 0).full()[:, 0]
+        z = read(truth, torque).full()[:, 0] + ekf.channels.noise * rng.normal(size=8)
+        z[:6] += bias
+        samples.append((DT * (k + 1), z, {"u": torque, "p": 0.0}))
+    *_, last = cc.run_ekf(ekf, start, samples)
+    found = np.concatenate([ekf.part(last, key) for key in ("gyro_bias", "accelerometer_bias")])
+    deviations = np.sqrt(np.diag(last.covariance))[4:]
+    assert np.all(deviations < 0.2 * np.repeat([0.05, 0.3], 3))
+    assert np.abs((found - bias) / deviations).max() < 4.0
+
+
+def test_what_a_filter_on_a_model_needs(shaft):
+    beam, model = shaft
+    lagging = cc.kinematic_model(beam, time_constant=0.1)
+    accelerometer = [cc.Accelerometer(xi=1.0, noise_density=1e-2, rate=1 / DT)]
+    gravity = cc.RootMotion(gravity=[0, 0, -9.81])
+    process = cc.ModelProcess(model=model, density={"q_dot": 0.1})
+    other = replace(beam, basis=cc.ChannelBasis(torsion=cc.Legendre(3)))
+    for message, arguments in {
+        "density: expected the density": {"process": model},
+        "density: expected None beside": {"process": process, "density": 1.0},
+        "density: expected one of": {"process": model, "density": {"lag": 0.1}},
+        "estimated: expected one of": {"process": replace(process, estimated={"wind": None})},
+        "density: expected one of 'gust'": {"process": replace(process, estimated={"gust": 1.0})},
+        "rate: expected none": {"process": process, "rate": 1.0},
+        "outputs: expected one of": {"process": process, "outputs": {"height": 1.0}},
+        "gyro_bias: expected a sensor": {
+            "sensors": [GAUGE], "process": process, "gyro_bias": True,
+        },
+        "sensors: expected a model with inertia": {
+            "sensors": accelerometer, "process": lagging, "density": 0.1, "root": gravity,
+        },
+        "process: expected a model whose state": {"beam": other, "process": process},
+        "recovery: expected a whole number": {"process": process, "recovery": -1},
+        "recovery: expected None": {"process": "random_walk", "density": 1.0, "recovery": 3},
+    }.items():  # fmt: skip
+        with pytest.raises(ValueError, match=re.escape(message)):
+            cc.shape_ekf(**{"beam": beam, "sensors": [GAUGE], **arguments})
+
+
+def test_sensors_of_an_aircraft_are_given_by_wing(flying):
+    aircraft, model, _ = flying
+    process = cc.ModelProcess(model=model, density={"twist": 0.1})
+    for message, sensors in {
+        "sensors: expected sensors by name": [GAUGE],
+        "sensors: expected one of 'right', 'left'": {"tail": [GAUGE]},
+        "sensors: expected one or more": {"right": []},
+    }.items():
+        with pytest.raises(ValueError, match=message):
+            cc.shape_ekf(aircraft, sensors, process=process)
+    ekf = cc.shape_ekf(aircraft, {"right": [GAUGE]}, process=process)
+    with pytest.raises(ValueError, match="expected a unit quaternion"):
+        ekf.initial(
+            {part.name: 1.0 for part in ekf.error_layout.parts}, {"quaternion_wxyz": [1, 1, 0, 0]}
+        )

@@ -262,6 +262,8 @@ class ModelReadings:
         counts = dict.fromkeys(BIASED, 0)
         found: dict[str, dict[str, slice]] = {}
         for other in self.observation.wings:
+            if not other.sensors:
+                continue
             names = [p.name for p in sensor_channels(other.sensors).layout.parts]
             for name, sensor in zip(names, other.sensors, strict=True):
                 for bias, kind in BIASED.items():

@@ -63,19 +63,19 @@ def summits(points: list[Point]) -> list[float]:
     """Speeds at which a mode may grow between points where it does not.
 
     Those are the summits of parabolas through three growths of a followed mode, where they are
-    above zero and the growths are not.
+    above what counts and the growths are not.
     """
     found = []
     for before, at, after in zip(points, points[1:], points[2:], strict=False):
         left, right = before.speed - at.speed, after.speed - at.speed
         for low, mid, high in zip(before.growths, at.growths, after.growths, strict=True):
-            if min(low, mid, high) == -1.0 or not max(low, high) <= mid <= 0:
+            if min(low, mid, high) == -1.0 or not max(low, high) <= mid <= GROWTH:
                 continue
             # growth = mid + slope v + bend v²
             slopes = (low - mid) / left, (high - mid) / right
             bend = (slopes[1] - slopes[0]) / (right - left)
             slope = slopes[0] - bend * left
-            if bend < 0 and mid - slope**2 / (4 * bend) > 0:
+            if bend < 0 and mid - slope**2 / (4 * bend) > GROWTH:
                 found.append(at.speed - slope / (2 * bend))
     return found
 

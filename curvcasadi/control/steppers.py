@@ -73,24 +73,28 @@ def _stable_steps(model: ControlModel, x: Array, p: Array) -> str:
 def _midpoint(model: ControlModel, newton: bool, tolerance: float) -> Stepper:
     rule = midpoint_rule(model, newton, tolerance=tolerance)
     solve = Native(midpoint_solver(rule))
+    guess = solve.inputs[-1]
+    end, residual, forces, count = solve.outputs
     last, before = np.zeros(rule.n_rates), np.zeros(rule.n_rates)
 
     def advance(x: Array, u: Array, p: Array, h: float) -> tuple[Array, float, str | None]:
-        nonlocal last, before
-        guess, spent, nothing = 2 * last - before, 0.0, np.zeros(rule.n_rates)
+        # In place: arrays that come and go would take a good part of the time of a step.
+        np.multiply(last, 2.0, out=guess)
+        np.subtract(guess, before, out=guess)
+        spent = 0.0
         # What contracts slowly goes on once; else the guess itself may have been at fault.
         for _ in range(3):
-            end, residual, forces, count = solve(x, u, p, h, guess)
-            spent += float(count[0])
-            if residual[0] <= tolerance:
+            solve.run(x, u, p, h)
+            spent += count.item()
+            if residual.item() <= tolerance:
                 break
-            guess = forces if residual[0] < _CONTRACTED else nothing
-        last, before = forces, last
-        if residual[0] <= tolerance:
-            return end, spent, None
+            guess[:] = forces if residual.item() < _CONTRACTED else 0.0
+        before[:], last[:] = last, forces
+        if residual.item() <= tolerance:
+            return end.copy(), spent, None
         remedy = "shorter steps" if newton else "shorter steps or newton=True"
-        words = f"did not converge (relative correction {residual[0]:.1e}): take {remedy}"
-        return end, spent, words
+        words = f"did not converge (relative correction {residual.item():.1e}): take {remedy}"
+        return end.copy(), spent, words
 
     return advance
 
@@ -165,11 +169,15 @@ class Native:
         for i, array in enumerate(self.outputs):
             self.buffer.set_res(i, memoryview(array.data))
 
-    def __call__(self, *arguments: Array | float) -> list[Array]:
-        for array, argument in zip(self.inputs, arguments, strict=True):
+    def run(self, *arguments: Array | float) -> None:
+        """Evaluate with the first inputs so; the others stay, and `outputs` hold the results."""
+        for array, argument in zip(self.inputs, arguments, strict=False):
             if array.size:
                 array[:] = argument
         self.evaluate()
+
+    def __call__(self, *arguments: Array | float) -> list[Array]:
+        self.run(*arguments)
         return [array.copy() for array in self.outputs]
 
 

@@ -19,6 +19,7 @@ MODULES = {
     "Wing files": ("wing", "sections", "loads"),
     "Motion in a wing file": ("scenario",),
     "Sensors and filter in a wing file": ("sensors", "estimation"),
+    "Study files": ("study",),
     "Aircraft files": ("aircraft", "aerodynamics"),
 }
 

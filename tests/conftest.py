@@ -32,6 +32,7 @@ SLOW = {
     "solvers/test_qp.py",
     "solvers/test_gauss_newton.py",
     "control/test_simulation.py",
+    "files/test_study.py",
     "symbolic/test_batch.py",
     "symbolic/test_sweep.py",
 }

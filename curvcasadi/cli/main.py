@@ -20,6 +20,7 @@ from curvcasadi.cli import (
     info as info_command,
     shape as shape_command,
     simulate as simulate_command,
+    sweep as sweep_command,
     target as target_command,
     template as template_command,
     trim as trim_command,
@@ -83,6 +84,7 @@ def _parser() -> argparse.ArgumentParser:
     target_command.add_parser(commands)
     equilibrium_command.add_parser(commands)
     simulate_command.add_parser(commands)
+    sweep_command.add_parser(commands)
     flutter_command.add_parser(commands)
     trim_command.add_parser(commands)
     estimate_command.add_parser(commands)

@@ -13,10 +13,12 @@ from curvcasadi.files.nastran import load_nastran_modes
 from curvcasadi.files.scenario import Scenario, TimedLoad, load_scenario, simulate_scenario
 from curvcasadi.files.sharpy import load_sharpy_sections
 from curvcasadi.files.simulation import write_simulation
+from curvcasadi.files.study import GustStudy, load_study
 from curvcasadi.files.wing import FAMILIES as FAMILIES, WingFile, load_beam, load_wing
 
 __all__ = [
     "EstimationFile",
+    "GustStudy",
     "Scenario",
     "TimedLoad",
     "WingFile",
@@ -28,6 +30,7 @@ __all__ = [
     "load_nastran_modes",
     "load_scenario",
     "load_sharpy_sections",
+    "load_study",
     "load_wing",
     "modal_basis",
     "simulate_scenario",

@@ -25,6 +25,7 @@ def test_every_example_is_tested():
         "flutter_of_a_bent_wing",
         "flutter_suppression",
         "gust_load_alleviation",
+        "gust_load_envelope",
         "match_measured_shape",
         "modes_about_bent_shapes",
         "place_sensors",
@@ -70,6 +71,15 @@ def test_match_measured_shape_leaves_the_noise(tmp_path):
     ratio = run("match_measured_shape", tmp_path)
     # 21 degrees of freedom: the residual's standard deviation is 1/sqrt(42) of it; three of these.
     assert ratio == pytest.approx(1, abs=3 / np.sqrt(42))
+
+
+def test_gust_load_envelope_has_its_largest_load_at_the_highest_speed(tmp_path):
+    constants = {"SPEEDS": np.array([18.0, 24.0]), "LENGTHS": np.array([5.0, 40.0])}
+    largest = run("gust_load_envelope", tmp_path, **constants, SETTLING=4.0, GUST=2.5)
+    assert largest.shape == (2, 2)
+    assert np.all(largest[1] > largest[0])
+    assert largest[1, 1] > 1.1 * largest[1, 0]  # a gust longer than its bending takes builds up
+    assert (tmp_path / "out" / "gust_load_envelope.png").exists()
 
 
 def test_place_sensors_finds_more_than_even_spacing(tmp_path):

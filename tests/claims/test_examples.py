@@ -25,9 +25,11 @@ def test_every_example_is_tested():
         "flutter_of_a_bent_wing",
         "flutter_suppression",
         "gust_load_alleviation",
+        "gust_load_alleviation_by_samples",
         "gust_load_envelope",
         "match_measured_shape",
         "modes_about_bent_shapes",
+        "monte_carlo_of_a_filter",
         "place_sensors",
         "release_under_load",
         "reach_tip_pose",
@@ -80,6 +82,20 @@ def test_gust_load_envelope_has_its_largest_load_at_the_highest_speed(tmp_path):
     assert np.all(largest[1] > largest[0])
     assert largest[1, 1] > 1.1 * largest[1, 0]  # a gust longer than its bending takes builds up
     assert (tmp_path / "out" / "gust_load_envelope.png").exists()
+
+
+def test_gust_load_alleviation_by_samples_takes_most_of_the_load_away(tmp_path):
+    free, planned, sampled = run("gust_load_alleviation_by_samples", tmp_path, END=1.2).values()
+    assert planned < 0.1 * free
+    assert sampled < 0.25 * free
+    assert (tmp_path / "out" / "gust_load_alleviation_by_samples.png").exists()
+
+
+def test_monte_carlo_of_a_filter_finds_errors_as_large_as_the_filter_says(tmp_path):
+    constants = {"FLIGHTS": 200, "STEPS": 40}
+    ratio, band = run("monte_carlo_of_a_filter", tmp_path, **constants)
+    assert band[0] < ratio < band[1]
+    assert (tmp_path / "out" / "monte_carlo_of_a_filter.png").exists()
 
 
 def test_place_sensors_finds_more_than_even_spacing(tmp_path):

@@ -6,7 +6,8 @@ Exports the libraries of `benchmark_functions`, compiles them for the targets, r
 self-tests in qemu, each function in a program of its own and, where a library says so, all of them
 in one, and prints a table. Fails where a
 result is not that of Python, where single precision calls double, and where a number exceeds its
-budget by more than 3 %. The self-tests of single precision run on a RISC-V core, too.
+budget by more than 3 %. The self-tests of single precision run on a RISC-V core, too, and cppcheck
+looks for rules of MISRA C that the wrappers break.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from codegen import budgets, map_file, riscv, toolchain
+from codegen import budgets, map_file, misra, riscv, toolchain
 from codegen.benchmark_functions import LIBRARIES, RELATIONS, Library
 
 _MEASURED = re.compile(r"^measured (\w+) instructions=(\d+) stack=(\d+)$", re.M)
@@ -121,7 +122,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("out/codegen"), metavar="FOLDER")
     options = parser.parse_args()
 
-    missing = toolchain.missing_tools({**toolchain.PACKAGES, **riscv.PACKAGES})
+    missing = toolchain.missing_tools({**toolchain.PACKAGES, **riscv.PACKAGES, **misra.PACKAGES})
     if missing:
         print("\n".join(missing), file=sys.stderr)
         return 2
@@ -138,7 +139,17 @@ def main() -> int:
             f"{f.name} {n}" for f, n in zip(single, pool.map(riscv.self_test, single), strict=True)
         ]
     print(f"\nSelf-tests pass on {riscv.ARCHITECTURE}, bytes of code: {', '.join(sizes)}")
-    return compare(measured, update=options.update)
+    with ThreadPoolExecutor(2) as pool:
+        folders = [options.out / library.name for library in chosen]
+        broken = [line for lines in pool.map(misra.violations, folders) for line in lines]
+    print(
+        "\n".join(
+            ["Rules of MISRA C that the wrappers break:", *broken]
+            if broken
+            else ["The wrappers keep the rules of MISRA C but those named in codegen/misra.py."]
+        )
+    )
+    return compare(measured, update=options.update) or int(bool(broken))
 
 
 def compare(measured: Mapping[str, Mapping[str, int]], *, update: bool) -> int:

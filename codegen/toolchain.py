@@ -57,6 +57,7 @@ def compile_c(
     """The object file of a C source; warnings are errors, for floats those of conversions too."""
     target.parent.mkdir(parents=True, exist_ok=True)
     warnings = (*WARNINGS, *(FLOAT_WARNINGS if real == "float" else ()))
+    warnings += ("-Wmissing-prototypes",) if real else ()
     run(
         [
             *(GCC, *CPU_FLAGS[cpu], *FLAGS, *warnings, *options),
@@ -126,8 +127,8 @@ def double_symbols(objects: Sequence[Path]) -> list[str]:
     return sorted(name for name in undefined(objects) if DOUBLE.fullmatch(name))
 
 
-def run(command: Sequence[str], *, folder: Path | None = None) -> str:
-    """Output of a command.
+def run(command: Sequence[str], *, folder: Path | None = None, errors: bool = False) -> str:
+    """Output of a command, with what it writes to its standard error behind it if asked for.
 
     Raises
     ------
@@ -140,4 +141,4 @@ def run(command: Sequence[str], *, folder: Path | None = None) -> str:
     if done.returncode:
         said = (done.stdout + done.stderr).strip()
         raise RuntimeError(f"{' '.join(command)}\nended with {done.returncode}:\n{said}")
-    return done.stdout
+    return done.stdout + (done.stderr if errors else "")

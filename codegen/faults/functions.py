@@ -125,6 +125,7 @@ def _tip_path(name: str, iterations: int | None) -> Callable[[cc.Beam], ca.Funct
         rate_bound=checks.RATE_BOUND,
         iterations=iterations,
         max_iter=20,
+        damping=0.0,  # the check knows the program itself
         name=name,
     )
 
@@ -178,7 +179,7 @@ CASES = (
     ),
     Case(
         name="shape_target_step",
-        build=_shape_target("shape_target_step", **_WEIGHTED, iterations=1),
+        build=_shape_target("shape_target_step", **_WEIGHTED, iterations=1, damping=0.0),
         ordinary=goal_nearby,
         check=checks.shape_target_step,
         weights=("q_guess",),

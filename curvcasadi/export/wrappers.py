@@ -168,7 +168,7 @@ _NO_INFINITY = """
 static int none_infinite(const @REAL_TYPE@ *x, int n) {
   int i;
   for (i = 0; i < n; ++i) {
-    if (x[i] < -LARGEST || x[i] > LARGEST) return 0;
+    if ((x[i] < -LARGEST) || (x[i] > LARGEST)) return 0;
   }
   return 1;
 }
@@ -178,7 +178,7 @@ static int all_within(const @REAL_TYPE@ *x, int n, const @REAL_TYPE@ *lower,
                       const @REAL_TYPE@ *upper) {
   int i;
   for (i = 0; i < n; ++i) {
-    if (!(x[i] >= lower[i] && x[i] <= upper[i])) return 0;
+    if (!((x[i] >= lower[i]) && (x[i] <= upper[i]))) return 0;
   }
   return 1;
 }
@@ -192,7 +192,7 @@ def _input_checks(wrapper: Wrapper) -> list[str]:
         where = f"&{c}" if size == 1 else c
         if key in export.weights:
             n = export.weights[key].basis.n
-            columns = [where, *(f"{c} + {k * n}" for k in range(1, size // n))]
+            columns = [where, *(f"&{c}[{k * n}]" for k in range(1, size // n))]
             limits = f"{wrapper.name}_{c}_lower, {wrapper.name}_{c}_upper"
             lines += [f"if (!all_within({x}, {n}, {limits})) {bad}" for x in columns]
             if key in wrapper.angles:
@@ -209,7 +209,7 @@ def _angle_check(function: str, weights: str, bad: str) -> list[str]:
     return [
         f"work->arg[0] = {weights};",
         "work->res[0] = work->w;",
-        f"if ({function}(work->arg, work->res, work->iw, work->w + 1, 0)) {bad}",
+        f"if ({function}(work->arg, work->res, work->iw, &work->w[1], 0) != 0) {bad}",
         f"if (!(work->w[0] <= 1)) {bad}",
     ]
 
@@ -222,8 +222,8 @@ def _call(wrapper: Wrapper) -> list[str]:
     lines += [f"work->res[{i}] = {results.get(k, '0')};" for i, k in enumerate(f.name_out())]
     return [
         *lines,
-        f"if ({generated.symbol(f, wrapper.prefix)}(work->arg, work->res, work->iw, work->w, 0)) "
-        + _failed(wrapper),
+        f"if ({generated.symbol(f, wrapper.prefix)}(work->arg, work->res, work->iw, work->w, 0) "
+        f"!= 0) {_failed(wrapper)}",
     ]
 
 

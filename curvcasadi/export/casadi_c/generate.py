@@ -82,9 +82,17 @@ def generate(
         own = {solver.function.name(): solver.sizes(work) for solver in solvers}
         source, header = _with_solvers(source, header, solvers, own, stem, real)
         sizes |= own
+    source = _with_prototypes(source, stem)
     if real == "float":
         source = _single_precision(source, stem)
     return *external.readable(source, header), sizes
+
+
+def _with_prototypes(source: str, stem: str) -> str:
+    """`source` of which all that is not static has a prototype before it."""
+    helper = r"^((?:void|casadi_real|casadi_int|int) casadi_\w+\([^{};]*\)) \{"
+    source = re.sub(helper, r"\1;\n\g<0>", source, flags=re.M)
+    return source.replace("#include <math.h>\n", f'#include <math.h>\n\n#include "{stem}.h"\n', 1)
 
 
 def _sizes(function: ca.Function, work: Mapping[str, int]) -> dict[str, int]:
@@ -113,7 +121,7 @@ def _with_solvers(
     """Source and header with solvers and lengths of their buffers; their parts become static."""
     for part in (part for solver in solvers for part in solver.parts):
         name = symbol(part, stem.removesuffix("_functions"))
-        start = r"^(?:CASADI_SYMBOL_EXPORT )?[\w ]+[ *]"
+        start = r"^(?:CASADI_SYMBOL_EXPORT )?[\w ]+[ *]+"
         body = r"\([^\n]*\{(?:[^\n]*\}\n|\n.*?^\}\n)"
         others = rf"{start}{name}_(?:{_PUBLIC}){body}"
         source = re.sub(others, "", source, flags=re.M | re.S)

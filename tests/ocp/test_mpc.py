@@ -210,23 +210,28 @@ def test_a_refused_call_leaves_the_controller_as_it_was():
     assert_allclose(mpc.step(x, reference=GOAL).u, other.step(x, reference=GOAL).u, rtol=0)
 
 
-#: A body that a torque turns.
+#: A body that a torque turns, with a mark that is turned by a quarter.
+QUARTER = so3.exp(ca.DM([0.0, np.pi / 2, 0.0]))
 BODY = model(
     "body",
     {
         "x": [Part("attitude", 4, "1", attitude=True), Part("rate", 3, "rad/s")],
         "u": [Part("torque", 3, "N m", -1.0, 1.0)],
-        "y": [Part("rotation", 9, "1")],
+        "y": [Part("rotation", 9, "1"), Part("station_rotation", 18, "1")],
     },
     lambda x, u, p: ca.vertcat(
         quaternion.rate(x[:4], x[4:]), u - ca.cross(x[4:], ca.DM([1, 2, 3]) * x[4:])
     ),
-    lambda x, u, p: ca.vec(quaternion.rotation(x[:4])),
+    lambda x, u, p: ca.veccat(
+        *(quaternion.rotation(x[:4]) @ turn for turn in (np.eye(3), QUARTER, np.eye(3)))
+    ),
 )
+TURNS = {"attitude": 1, "rotation": 1, "station_rotation": 2}
 
 
-@pytest.mark.parametrize("tracked", [{"states": {"attitude": 2.0}}, {"outputs": {"rotation": 2.0}}])
-def test_attitudes_are_linearized_on_the_group(tracked):
+@pytest.mark.parametrize("name", TURNS)
+def test_attitudes_are_linearized_on_the_group(name):
+    tracked = {"states" if name == "attitude" else "outputs": {name: 2.0}}
     mpc = cc.Mpc(
         BODY, dt=0.2, horizon=3, inputs={"torque": 0.1}, damping=0.0, solver="sqp", **tracked
     )
@@ -234,7 +239,8 @@ def test_attitudes_are_linearized_on_the_group(tracked):
     rng = np.random.default_rng(1)
     q = quaternion.exp(ca.DM([0.4, -0.9, 0.3]))
     goal = quaternion.exp(ca.DM([-0.2, 0.5, 1.0]))
-    goal = goal if "states" in tracked else ca.vec(quaternion.rotation(goal))
+    if name != "attitude":
+        goal = ca.repmat(ca.vec(quaternion.rotation(goal)), TURNS[name])
     goals = ca.repmat(ca.vertcat(goal, ca.DM([0, 0, 0])), 1, 3)
     inputs = [ca.vertcat(q, 0.1, -0.3, 0.2), ca.DM(0, 3), ca.DM.zeros(3), goals, ca.DM.zeros(3, 3)]
     _, parameters = mpc.function.solver.begin.call(inputs)

@@ -94,8 +94,8 @@ class Mpc:
     horizon : int
         Number N of stages.
     outputs : mapping of str to float or array
-        Weights of parts of `model.y`, one or one for each entry; of a rotation one or three. In
-        1/unit² of the output.
+        Weights of parts of `model.y`, one or one for each entry; of a rotation one or three.
+        Outputs with the word "rotation" in their name are rotations. In 1/unit² of the output.
     inputs, moves : mapping of str to float or array
         Weights of parts of `model.u`, and of their changes from stage to stage.
     bounds : mapping of str to pair
@@ -449,7 +449,7 @@ class Mpc:
     def _neutral(self, penalty: terms.Penalty) -> Array:
         """The reference unless one is given."""
         if penalty.is_rotation:
-            return np.eye(3).ravel()
+            return np.tile(np.eye(3).ravel(), penalty.part.size // 9)
         if penalty.source == "u":
             return self.u_trim[self.model.u.slices[penalty.part.name]]
         size = penalty.part.size

@@ -143,7 +143,8 @@ class MpcSolver:
         found = []
         for penalty, piece in zip(self.problem.penalties, self._pieces(goal), strict=True):
             if penalty.is_rotation:
-                piece = ca.vec(so3.orthonormal(ca.reshape(piece, 3, 3)))
+                matrices = [ca.reshape(part, 3, 3) for part in ca.vertsplit(piece, 9)]
+                piece = ca.veccat(*map(so3.orthonormal, matrices))
             elif penalty.part.attitude:
                 piece = quaternion.normalize(piece)
             found.append(piece)
@@ -156,7 +157,7 @@ class MpcSolver:
         for column in ca.horzsplit(inputs["reference"]):
             for penalty, piece in zip(self.problem.penalties, self._pieces(column), strict=True):
                 if penalty.is_rotation:
-                    found.append(rotations_defect(ca.reshape(piece, 3, 3)))
+                    found.append(rotations_defect(ca.reshape(piece, 3, -1)))
                 elif penalty.part.attitude:
                     found.append(_length_defect(piece))
         return found

@@ -20,7 +20,7 @@ Source = Literal["y", "x", "u", "angles", "rate"]
 
 #: Name under which the squared angles of elements, over what they may be, are bounded.
 ANGLES = "angles"
-#: Outputs that begin so and have nine entries are rotation matrices by columns.
+#: Outputs with this word in their name are rotation matrices by columns, one or several.
 _ROTATION = "rotation"
 
 
@@ -44,13 +44,15 @@ class Penalty:
 
     @property
     def is_rotation(self) -> bool:
-        """Whether its values are rotation matrices by columns."""
+        """Whether its values are rotation matrices by columns, one or several."""
         return is_rotation(self.part) and self.source == "y"
 
     def error(self, value: ca.MX, goal: ca.MX) -> ca.MX:
         """Weighted error (ne, 1): a difference, or the rotation vector from the goal."""
         if self.is_rotation:
-            difference = so3.log_error(ca.reshape(value, 3, 3), ca.reshape(goal, 3, 3))
+            pairs = zip(ca.vertsplit(value, 9), ca.vertsplit(goal, 9), strict=True)
+            turns = [so3.log_error(*(ca.reshape(r, 3, 3) for r in pair)) for pair in pairs]
+            difference = ca.vertcat(*turns)
         elif self.part.attitude:
             difference = quaternion.log(quaternion.product(quaternion.conjugate(goal), value))
         else:
@@ -95,8 +97,8 @@ class Limit:
 
 
 def is_rotation(part: Part) -> bool:
-    """Whether a part is a rotation matrix by columns."""
-    return part.size == 9 and part.name.startswith(_ROTATION)
+    """Whether a part holds rotation matrices by columns."""
+    return part.size % 9 == 0 and _ROTATION in part.name.split("_")
 
 
 def penalties(name: str, source: Source, layout: Layout, given: Any) -> tuple[Penalty, ...]:
@@ -104,7 +106,8 @@ def penalties(name: str, source: Source, layout: Layout, given: Any) -> tuple[Pe
     found = []
     for key, value in _by_name(name, layout, given).items():
         part = _part(layout, key)
-        size = 3 if part.attitude or (source == "y" and is_rotation(part)) else part.size
+        size = 3 if part.attitude else part.size
+        size = part.size // 3 if source == "y" and is_rotation(part) else size
         weights = numbers(f"{name}[{key!r}]", value).ravel()
         if weights.size not in (1, size):
             raise ValueError(

@@ -97,3 +97,34 @@ def test_a_sweep_that_starts_beyond_divergence_is_named(straight):
 def test_a_model_without_airspeed_is_refused():
     with pytest.raises(ValueError, match="parameter airspeed"):
         cc.flutter(cc.beam_model(hale((2, 2, 0), 3).beam), [20.0, 30.0])
+
+
+def test_beyond_flutter_motions_settle_on_one_limit_cycle():
+    # From a small push and from a large one: bending stiffens the wing against its own growth.
+    model = cc.wing_model(
+        hale((2, 3, 2), 4),
+        density=0.0889,
+        lag=cc.IndicialLag(poles=2, modes=2),
+        damping=0.0005,
+        outputs=("tip_position",),
+    )
+    pitch = {"pitch": np.radians(3.0)}
+    found = cc.flutter(model, np.arange(15, 27, 2.0), p=pitch)
+    speed = 1.03 * found.speed
+    rest = cc.flutter(model, [15.0, 19.0, speed], p=pitch).equilibria[-1]
+    times = np.arange(0, 60.01, 0.02)
+    starts, ends = [], []
+    for size in (0.002, 0.03):
+        motion = cc.simulate(
+            model,
+            rest + size * found.mode.real,
+            times,
+            p={"airspeed": speed, **pitch},
+            method="implicit_midpoint",
+        )
+        height = motion.part("tip_position")[2]
+        starts.append(np.ptp(height[:200]) / 2)
+        ends.append(np.ptp(height[-500:]) / 2)
+    assert starts[0] < 0.5 * ends[0] and starts[1] > 1.5 * ends[1]
+    # What is left of the approach after a minute.
+    assert_allclose(ends[0], ends[1], rtol=0.01)

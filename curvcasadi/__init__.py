@@ -80,9 +80,11 @@ __version__ = "0.1.0"
 
 #: Of `curvcasadi.plotting`, which is imported at their first use: matplotlib is slow to load.
 _PICTURES = (
+    "animate_flight",
     "animate_shape",
     "plot_basis",
     "plot_estimate",
+    "plot_flight",
     "plot_flutter",
     "plot_modes",
     "plot_motion",

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import casadi as ca
+import numpy as np
 
 from curvcasadi.aircraft.flying_wing import wing_balance_function, wing_mass, wing_rates_function
 from curvcasadi.aircraft.free_air import (
@@ -166,6 +167,24 @@ def air_rates(
             still = ca.DM.zeros(6)
             found.append(_of_surface(equations, surface, state, still, wind, inputs)[1])
     return ca.vertcat(*found)
+
+
+def air_decays(equations: FlightEquations, state: FlightState) -> AnyExpr:
+    """Rates, 1/s, at which the states of the air decay: κ V/b with the mean half chord b."""
+    if equations.air is None:
+        return ca.DM(0, 1)
+    aircraft, rates = equations.aircraft, []
+    parts: list[Wing | LiftingSurface] = [*aircraft.beams, *aircraft.surfaces]
+    for part in parts:
+        count = equations.states.get(part.name, 0)
+        if part.strips is None or not count:
+            continue
+        chords = [part.strips.at("chord", xi) for xi in strip_points(part)]
+        half = sum(chords) / (2 * len(chords))
+        poles = [rate for series in equations.air.poles for rate in series]
+        spread = np.repeat(poles, equations.air.sizes(part))
+        rates.append(ca.DM(spread) / half)
+    return ca.norm_1(state.twist[3:]) * ca.vertcat(*rates)
 
 
 def flight_mass(equations: FlightEquations, q: Mapping[str, AnyExpr]) -> AnyExpr:

@@ -77,9 +77,17 @@ class FreeAir:
 
     def size(self, part: Wing | LiftingSurface) -> int:
         """Number of states of the air of a wing or a surface."""
+        return sum(self.sizes(part))
+
+    def sizes(self, part: Wing | LiftingSurface) -> list[int]:
+        """Number of states of each pole of lag and entry."""
+        lag, entry = map(len, self.poles)
         if isinstance(part, LiftingSurface):
-            return sum(map(len, self.poles))
-        return 0 if part.strips is None else state_parts(part.strips, self.lag, self.entry).size
+            return [1] * (lag + entry)
+        if part.strips is None:
+            return []
+        parts = state_parts(part.strips, self.lag, self.entry)
+        return [parts.of_lag.values.shape[1]] * lag + [parts.of_entry.values.shape[1]] * entry
 
     @property
     def poles(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -17,6 +17,7 @@ from curvcasadi.cli import (
     estimate as estimate_command,
     export as export_command,
     flutter as flutter_command,
+    fly as fly_command,
     info as info_command,
     shape as shape_command,
     simulate as simulate_command,
@@ -87,6 +88,7 @@ def _parser() -> argparse.ArgumentParser:
     sweep_command.add_parser(commands)
     flutter_command.add_parser(commands)
     trim_command.add_parser(commands)
+    fly_command.add_parser(commands)
     estimate_command.add_parser(commands)
     export_command.add_parser(commands)
 

@@ -16,6 +16,7 @@ from curvcasadi.aircraft.flight_equations import (
     FlightEquations,
     FlightState,
     Wind,
+    air_decays,
     air_rates,
     flight_equations,
     flight_mass,
@@ -111,7 +112,8 @@ def aircraft_model(
     gust : GustEntry, GustField, function of time, or None
         With a `GustEntry` p["gust"] is an upward gust, m/s, the same everywhere. A `GustField` is
         met by every strip where it is, at p["time"], s; a function of time such as
-        `OneMinusCosine`, m/s upward, is met by all of them at once.
+        `OneMinusCosine`, m/s upward, is met by all of them at once. In `simulate` p["time"] is the
+        time unless given.
     entry : GustEntry
         How the strips follow a gust that is not a `GustEntry` itself.
     outputs : sequence of str, optional
@@ -319,4 +321,7 @@ def _motion(
             f"{name}_matrices", [x, p], matrices, ["x", "p"], ["mass", "damping", "stiffness"]
         ),
         momenta=momenta,
+        decays=ca.Function(
+            f"{name}_decays", [x, p], [air_decays(equations, state)], ["x", "p"], ["decays"]
+        ),
     )

@@ -170,7 +170,11 @@ def modes_table(flights: Sequence[FlightModes]) -> str:
 
 
 def flight_modes(
-    model: ControlModel, trim: TrimResult, p: Number | Mapping[str, Number] | None = None
+    model: ControlModel,
+    trim: TrimResult,
+    p: Number | Mapping[str, Number] | None = None,
+    *,
+    turn_rate: float = 0.0,
 ) -> FlightModes:
     """The modes of an aircraft in trimmed flight, the ones of the rigid aircraft by name.
 
@@ -182,6 +186,8 @@ def flight_modes(
         A trim of the same aircraft in the same air.
     p : array or mapping of str to number, optional
         Parameters of the model, zero unless given.
+    turn_rate : float
+        Rate of the heading, rad/s: of a steady turn, as of `trimmed_state`.
 
     Returns
     -------
@@ -195,7 +201,7 @@ def flight_modes(
     """
     from scipy.linalg import eig
 
-    at = trimmed_state(model, trim, p)
+    at = trimmed_state(model, trim, p, turn_rate=turn_rate)
     basis = _reduction(model, at.x)
     values, left, right = eig(
         basis.T @ linearize(model, at.x, at.u, p).A @ basis, left=True, right=True

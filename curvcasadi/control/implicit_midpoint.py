@@ -9,7 +9,8 @@ c ⊕ δ for a configuration c that is moved by the error state δ, m for the mi
 
 The rule is symmetric in time, of order 2, and stable for what is linear and stiff at any step. The
 iteration a ← a − A⁻¹ balance with A = M + h/2 C + h²/4 S, constant over the step, takes no
-derivative of the balance; Newton's takes all of them. It starts at
+derivative of the balance, and l ← l − (l − other_rates)/(1 + h/2 d) only the rates d at which o
+decays, where a model has them; Newton's takes all of them. It starts at
 
     a = A⁻¹ (g − C v − S (c + h/2 v)),
 
@@ -94,7 +95,10 @@ def midpoint_solver(rule: Midpoint) -> ca.Function:
     matrix, factors, linear, elastic = _linear_part(rule, h, x, p)
     force, rates = ca.vertsplit(guess, [0, nv, rule.n_rates])
     start = ca.vertcat(ldl_substitute(nv)(factors, force - linear), rates)
-    z, residual, count = _loop(rule)(start, x, u, p, h, factors, elastic)
+    decay = ca.MX.zeros(rule.n_rates - nv)
+    if rule.motion.decays is not None:
+        decay = rule.motion.decays(x, p)
+    z, residual, count = _loop(rule)(start, x, u, p, h, factors, elastic, decay)
     a, rates = ca.vertsplit(z, [0, nv, rule.n_rates])
     forces = ca.vertcat(matrix @ a + linear, rates)
     return ca.Function(
@@ -160,10 +164,11 @@ def _linear_part(rule: Midpoint, h: ca.MX, x: ca.MX, p: ca.MX) -> tuple[ca.MX, .
 
 
 def _loop(rule: Midpoint) -> ca.Function:
-    """(z, x, u, p, h, factors of A, elastic size) -> z, residual, count."""
+    """(z, x, u, p, h, factors of A, elastic size, decay) -> z, residual, count."""
     nv = rule.motion.velocities
     z, constants = ca.MX.sym("z", rule.n_rates), [*rule.symbols, ca.MX.sym("h")]
     constants += [ca.MX.sym("factors", nv * (nv + 1) // 2), ca.MX.sym("elastic")]
+    constants.append(ca.MX.sym("decay", rule.n_rates - nv))
     better = ca.Function("iteration", [z, *constants], _iteration(rule, z, *constants))
     return iterated(better, rule.iterations, rule.tolerance)
 
@@ -177,6 +182,7 @@ def _iteration(
     h: ca.MX,
     factors: ca.MX,
     elastic: ca.MX,
+    decay: ca.MX,
 ) -> tuple[ca.MX, ca.MX]:
     """Better rates, and the size of the correction over that of the rates."""
     nv = rule.motion.velocities
@@ -184,7 +190,8 @@ def _iteration(
     if rule.newton:
         change = ca.solve(ca.densify(ca.jacobian(error, z)), error, "qr")
     else:
-        change = ca.vertcat(ldl_substitute(nv)(factors, error[:nv]), error[nv:])
+        others = error[nv:] / (1 + h / 2 * decay)
+        change = ca.vertcat(ldl_substitute(nv)(factors, error[:nv]), others)
     z_next = z - change
     _, v, o = _split(rule, x)
     real = rule.model.real

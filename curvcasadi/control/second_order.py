@@ -92,11 +92,16 @@ def _slope(layout: Layout, motion: SecondOrder, x: ca.MX, u: ca.MX, p: ca.MX, xd
     ends = np.cumsum([0, x.numel(), u.numel(), p.numel(), motion.velocities]).tolist()
     at_x, at_u, at_p, at_a = ca.vertsplit(stacked, ends)
     results = [configuration_rates(layout, motion, at_x), *motion.balance(at_x, at_a, at_u, at_p)]
-    slopes = ca.Function(
-        "slopes", [stacked], [ca.densify(ca.jacobian(result, stacked)) for result in results]
-    )(ca.vertcat(x, u, p, acceleration))
+    # Together: each of the Functions in them is differentiated once.
+    slope = ca.Function(
+        "slopes", [stacked], [ca.densify(ca.jacobian(ca.vertcat(*results), stacked))]
+    )
+    rows = ca.vertsplit(
+        slope(ca.vertcat(x, u, p, acceleration)),
+        np.cumsum([0, *(result.numel() for result in results)]).tolist(),
+    )
     (rates, _), (forces, mass), (others, others_by_a) = (
-        ca.horzsplit(slope, [0, n, stacked.numel()]) for slope in slopes
+        ca.horzsplit(part, [0, n, stacked.numel()]) for part in rows
     )
     accelerations = -ca.solve(mass, forces, "ldl")
     return ca.vertcat(rates, accelerations, others + others_by_a @ accelerations)

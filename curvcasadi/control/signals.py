@@ -80,6 +80,15 @@ class Course:
         return self.value(k, t)
 
 
+def with_time(layout: Layout, value: Signal) -> Signal:
+    """Parameters whose part "time", s, is the time, unless they say otherwise."""
+    clock = any(part.name == "time" and part.unit == "s" for part in layout.parts)
+    if not clock or not (value is None or isinstance(value, Mapping)):
+        return value
+    given = {} if value is None else value
+    return {"time": lambda time: time, **given}
+
+
 def over_time(name: str, layout: Layout, value: Signal, times: Array) -> Course:
     """The course of a signal over intervals between `times`.
 

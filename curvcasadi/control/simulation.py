@@ -17,6 +17,7 @@ from curvcasadi.control.signals import (
     increasing,
     over_time,
     stacked,
+    with_time,
     within_bounds,
 )
 from curvcasadi.control.steppers import SimulationMethod, stepper
@@ -115,7 +116,8 @@ def simulate(
     u, p : array, mapping, function of time, optional
         Inputs and parameters: numbers (n,) that are held, columns (n, T) held from each time to the
         next one, a mapping from part names to such, or a function of the time, s, which is taken at
-        the middle of each step. Zero unless given.
+        the middle of each step. Zero unless given; a parameter "time", as that of a model in a
+        gust, is the time unless given.
     method : {"rk4", "implicit_midpoint", "variational", "cvodes"}
         See `step_function`. "variational" is the variational midpoint rule in momenta, for free
         flight: it keeps momentum to rounding where no loads act. "cvodes" is CasADi's multistep
@@ -154,7 +156,7 @@ def simulate(
     longest = positive("dt", dt) if dt is not None else np.inf
     inputs = (
         within_bounds("u", model.u, over_time("u", model.u, u, grid)),
-        over_time("p", model.p, p, grid),
+        over_time("p", model.p, with_time(model.p, p), grid),
     )
     check_bending(model, start)
     held = all(signal.held for signal in inputs)

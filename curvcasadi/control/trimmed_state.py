@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import casadi as ca
@@ -13,10 +14,12 @@ from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.signals import stacked
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.lie import quaternion
-from curvcasadi.symbolic.expressions import Array, Number, instance
+from curvcasadi.symbolic.expressions import Array, Number, expression, instance
 
 #: What is left of the equations beside the sum of the sizes of their terms, and most iterations.
 TOLERANCE, ITERATIONS = 1e-9, 20
+#: Steps in which a turn is approached from straight flight.
+TURNS = 4
 
 
 class TrimmedState(NamedTuple):
@@ -34,7 +37,13 @@ class TrimmedState(NamedTuple):
     u: Array
 
 
-def trimmed_state(model: ControlModel, trim: TrimResult, p: Number | None = None) -> TrimmedState:
+def trimmed_state(
+    model: ControlModel,
+    trim: TrimResult,
+    p: Number | Mapping[str, Number] | None = None,
+    *,
+    turn_rate: float = 0.0,
+) -> TrimmedState:
     """The state of a model in trimmed flight, so that `simulate` from there stays there.
 
     A trim has quasi-steady strips. With a state of the air for each strip they are those of the
@@ -50,6 +59,9 @@ def trimmed_state(model: ControlModel, trim: TrimResult, p: Number | None = None
         Of this aircraft.
     p : array or mapping of str to number, optional
         Parameters of the model, zero unless given: a gust is met as if it were steady.
+    turn_rate : float
+        Rate of the heading, rad/s, to the right: a steady turn at the speed and climb of the trim.
+        Sideslip, roll angle and all inputs are free then, and change as little as they can.
 
     Returns
     -------
@@ -67,19 +79,43 @@ def trimmed_state(model: ControlModel, trim: TrimResult, p: Number | None = None
     motion = _motion(model, trim)
     if not trim.trimmed:
         raise ValueError(f"trim: expected a flight in balance, found {trim.message!r}")
-    unknowns = _Unknowns(model, trim)
-    parameters = stacked("p", model.p, p)
-    z, held = ca.MX.sym("z", unknowns.size), ca.MX.sym("p", model.p.size)
-    x, u, climb = unknowns.state(z)
+    rate = float(expression("turn_rate", turn_rate, (1, 1)))
+    unknowns = _Unknowns(model, trim, turning=bool(rate))
+    z, turning = ca.MX.sym("z", unknowns.size), ca.MX.sym("turn_rate")
+    held = ca.DM(stacked("p", model.p, p))
+    x, u, climb = unknowns.state(z, turning)
     left = ca.vertcat(*motion.balance(x, ca.DM.zeros(motion.velocities), u, held), climb)
-    rest = ca.Function("rest", [z, held], [left])
-    slope = ca.Function("slope", [z, held], [ca.densify(ca.jacobian(left, z))])
-    at = ca.Function("at", [z], [x, u])
-    value, size = unknowns.start, np.inf
+    rest = ca.Function("rest", [z, turning], [left])
+    slope = ca.Function("slope", [z, turning], [ca.densify(ca.jacobian(left, z))])
+    at = ca.Function("at", [z, turning], [x, u])
+    value = unknowns.start
+    for share in np.linspace(0, 1, TURNS + 1)[1:] if rate else [1.0]:
+        value, size = _newton(rest, slope, value, share * rate, unknowns)
+    found = TrimmedState(*(part.full().ravel() for part in at(value, rate)))
+    if not size < TOLERANCE:
+        steady = f"turn of {rate:g} rad/s" if rate else "equilibrium"
+        remedy = (
+            "are there inputs that roll and yaw it?"
+            if rate
+            else ("is the density the same, and the aircraft?")
+        )
+        raise ConvergenceError(
+            f"trimmed_state: no {steady} of {model.name!r} near the trim at {trim.speed:g} m/s; "
+            f"{remedy}",
+            found,
+        )
+    return found
+
+
+def _newton(
+    rest: ca.Function, slope: ca.Function, start: Array, rate: float, unknowns: _Unknowns
+) -> tuple[Array, float]:
+    """Free unknowns by Newton's method, the smallest steps, and what is left beside its terms."""
+    value, size, scales = start, np.inf, unknowns.scales[unknowns.free]
     for _ in range(ITERATIONS):
-        residual, matrix = (f(value, parameters).full() for f in (rest, slope))
+        residual, matrix = (f(value, rate).full() for f in (rest, slope))
         # Every row by the sizes of its terms, every column by that of its unknown.
-        scaled = matrix[:, unknowns.free] * unknowns.scales[unknowns.free]
+        scaled = matrix[:, unknowns.free] * scales
         rows = np.abs(scaled).sum(axis=1)
         rows = np.where(rows > 0, rows, 1.0)
         left_over = residual.ravel() / rows
@@ -88,21 +124,14 @@ def trimmed_state(model: ControlModel, trim: TrimResult, p: Number | None = None
             break
         step = np.linalg.lstsq(scaled / rows[:, None], -left_over, rcond=1e-12)[0]
         value = value.copy()
-        value[unknowns.free] += step * unknowns.scales[unknowns.free]
-    found = TrimmedState(*(part.full().ravel() for part in at(value)))
-    if not size < TOLERANCE:
-        raise ConvergenceError(
-            f"trimmed_state: no equilibrium of {model.name!r} near the trim at {trim.speed:g} m/s; "
-            "is the density the same, and the aircraft?",
-            found,
-        )
-    return found
+        value[unknowns.free] += step * scales
+    return value, size
 
 
 class _Unknowns:
     """Angles, inputs, weights and states of the air, stacked, and the state that they make."""
 
-    def __init__(self, model: ControlModel, trim: TrimResult) -> None:
+    def __init__(self, model: ControlModel, trim: TrimResult, turning: bool) -> None:
         self.model, self.trim = model, trim
         self.lag = [part for part in model.x.parts if part.name.startswith("lag_")]
         pieces: list[Array] = [np.array([getattr(trim, name) for name in ANGLES])]
@@ -114,14 +143,14 @@ class _Unknowns:
         self.size = self.start.size
         names = [*ANGLES, *trim.inputs]
         self.free = np.ones(self.size, dtype=bool)
-        self.free[: len(names)] = [name in trim.free for name in names]
+        self.free[: len(names)] = [turning or name in trim.free for name in names]
         forces = [unit == "N" for unit in trim.input_units.values()]
         typical = max((abs(load[5]) for load in trim.root_loads.values()), default=1.0)
         self.scales = np.ones(self.size)
         self.scales[len(ANGLES) : len(names)][forces] = max(typical, 1.0)
         self.scales[self.ends[2 + len(trim.q)] :] = trim.speed
 
-    def state(self, z: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+    def state(self, z: ca.MX, turn_rate: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
         """State, inputs, and what is left of the climb, where the trim holds it, m/s."""
         trim, model = self.trim, self.model
         angles, inputs, *parts = ca.vertsplit(z, self.ends)
@@ -133,12 +162,12 @@ class _Unknowns:
             ca.cos(alpha) * ca.cos(beta), ca.sin(beta), ca.sin(alpha) * ca.cos(beta)
         )
         named = {part.name: ca.MX.zeros(part.size) for part in model.x.parts}
-        named |= {"quaternion_wxyz": attitude, "twist": ca.vertcat(0, 0, 0, velocity)}
+        down = quaternion.rotation(attitude)[2, :]  # inertial z in body axes
+        named |= {"quaternion_wxyz": attitude, "twist": ca.vertcat(turn_rate * down.T, velocity)}
         keys = [f"q_{name}" for name in trim.q] + [part.name for part in self.lag]
         named |= dict(zip(keys, parts, strict=True))
         by_name = dict(zip(trim.inputs, ca.vertsplit(inputs), strict=True))
-        down = quaternion.rotation(attitude)[2, :] @ velocity
-        climb = down + trim.speed * np.sin(trim.flight_path)
+        climb = down @ velocity + trim.speed * np.sin(trim.flight_path)
         held = climb if "flight_path" not in trim.free else ca.MX(0, 1)
         return model.x.join(named), model.u.join(by_name), held
 

@@ -7,6 +7,8 @@ from curvcasadi.plotting.animation import animate_shape
 from curvcasadi.plotting.basis import plot_basis
 from curvcasadi.plotting.estimate import plot_estimate
 from curvcasadi.plotting.figures import save_figure
+from curvcasadi.plotting.flight import plot_flight
+from curvcasadi.plotting.flight_animation import animate_flight
 from curvcasadi.plotting.flutter import plot_flutter, plot_root_locus
 from curvcasadi.plotting.modes import plot_modes
 from curvcasadi.plotting.motion import plot_motion
@@ -15,9 +17,11 @@ from curvcasadi.plotting.shape import plot_shape
 from curvcasadi.plotting.trim import plot_trim
 
 __all__ = [
+    "animate_flight",
     "animate_shape",
     "plot_basis",
     "plot_estimate",
+    "plot_flight",
     "plot_flutter",
     "plot_modes",
     "plot_motion",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +82,7 @@ def animate_shape(
         For another extension, fewer than two samples, weights that `shape_map` refuses, or an MP4
         where the program ffmpeg is missing.
     """
-    writer_class = _writer_class(Path(path))
+    writer_class = writer_for(Path(path))
     wing, times, weights = simulated(wing, times, weights)
     wings = half_wings(wing, weights, times, both=both, strips=strips)
     count = len(wings[0].history.times)
@@ -98,7 +98,7 @@ def animate_shape(
     draw_legend_and_title(axes, title)
     caption = axes.text2D(0.03, 0.9, "", transform=axes.transAxes)
 
-    samples, rate = _frames(wings[0].history.times / (10 if times is None else 1))
+    samples, rate = frames(wings[0].history.times / (10 if times is None else 1))
     writer = writer_class(fps=rate)
     with writer.saving(figure, str(path), dpi=80):
         for k in tqdm(samples, desc=Path(path).name, unit="frame", disable=not progress):
@@ -109,11 +109,12 @@ def animate_shape(
             writer.grab_frame()
 
 
-def _writer_class(path: Path) -> Any:
+def writer_for(path: Path, known: Sequence[str] = (".gif", ".mp4")) -> Any:
+    """The class of matplotlib's writer of a file; `known` are the endings that an error names."""
     writers: dict[str, Any] = {".gif": PillowWriter, ".mp4": FFMpegWriter}
     if path.suffix.lower() not in writers:
         raise ValueError(
-            f"{path}: expected a file name that ends in .gif or .mp4, "
+            f"{path}: expected a file name that ends in {' or '.join(known)}, "
             f"found {path.suffix or 'no ending'}"
         )
     writer_class = writers[path.suffix.lower()]
@@ -125,7 +126,7 @@ def _writer_class(path: Path) -> Any:
     return writer_class
 
 
-def _frames(times: Array) -> tuple[list[int], float]:
+def frames(times: Array) -> tuple[list[int], float]:
     """Samples to draw, and the frames a second that show them in real time."""
     duration = times[-1] - times[0]
     rate = min(LARGEST_FRAME_RATE, (len(times) - 1) / duration)

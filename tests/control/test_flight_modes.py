@@ -11,6 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import curvcasadi as cc
+from curvcasadi.lie import quaternion
 
 FILE = Path(__file__).parents[2] / "ocp_examples" / "hale_aircraft.toml"
 DENSITY, SPEED = 0.0889, 25.0
@@ -18,7 +19,12 @@ DENSITY, SPEED = 0.0889, 25.0
 
 @pytest.fixture(scope="module")
 def hale():
-    return cc.load_aircraft(FILE)
+    """The aircraft of the example with ailerons."""
+    plane = cc.load_aircraft(FILE)
+    aileron = cc.ControlSurface(name="aileron", lift=3.0, start=0.7, antisymmetric=True)
+    right = plane.beams[0]
+    right = replace(right, strips=replace(right.strips, controls=(aileron,)))
+    return replace(plane, beams=(right, cc.mirror_wing(right, "left")))
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +36,7 @@ def model(hale):
 
 @pytest.fixture(scope="module")
 def trimmed(hale):
-    return cc.trim(hale, speed=SPEED, density=DENSITY)
+    return cc.trim(hale, speed=SPEED, density=DENSITY, inputs={"aileron": 0.0})
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +85,8 @@ def test_lag_functions_move_the_equilibrium_little(hale, trimmed):
         assert_allclose(rates[name], 0, atol=1e-11, err_msg=name)
     # Three Legendre functions leave some 1e-3 of the distribution of the angle of attack.
     found = dict(zip([part.name for part in model.u.parts], u, strict=True))
-    for name, value in trimmed.inputs.items():
+    for name in ("thrust", "elevator"):
+        value = trimmed.inputs[name]
         assert 1e-6 < abs(found[name] / value - 1) < 2e-3
 
 
@@ -90,6 +97,28 @@ def test_trimmed_flight_stays_trimmed(model, start):
     speed = np.linalg.norm(found.part("twist")[3:], axis=0)
     assert_allclose(speed / SPEED, 1, atol=1e-10)
     assert_allclose(found.part("position")[2], 0, atol=1e-10 * SPEED * times[-1])
+
+
+def test_a_steady_turn_is_one_of_the_model(model, trimmed):
+    rate = 0.08
+    x, u = cc.trimmed_state(model, trimmed, turn_rate=rate)
+    rates = model.x.split(model.xdot(x, u, []))
+    for name in set(rates) - {"position", "quaternion_wxyz"}:
+        assert_allclose(rates[name], 0, atol=1e-10, err_msg=name)
+    state = model.x.split(ca.DM(x))
+    omega, velocity = state["twist"][:3], state["twist"][3:]
+    rotation = quaternion.rotation(state["quaternion_wxyz"])
+    # The heading turns, nothing else; the flight stays level and as fast.
+    assert_allclose(rotation @ omega, [[0], [0], [rate]], atol=1e-12)
+    assert_allclose((rotation @ velocity)[2], 0, atol=1e-10)
+    assert_allclose(ca.norm_2(velocity), SPEED, rtol=1e-12)
+    # Lift carries weight and centripetal force, tan φ = V ω/g, but for sideslip.
+    roll = np.arctan2(float(rotation[2, 1]), float(rotation[2, 2]))
+    assert_allclose(np.tan(roll), SPEED * rate / 9.80665, rtol=0.1)
+    turned = cc.flight_modes(model, trimmed, turn_rate=rate)
+    straight = cc.flight_modes(model, trimmed)
+    for name in ("phugoid", "short period", "dutch roll"):
+        assert_allclose(turned[name].eigenvalue, straight[name].eigenvalue, rtol=0.5)
 
 
 def mirrored(model, x):
@@ -168,5 +197,7 @@ def test_what_is_no_trim_of_the_model_is_named(model, trimmed):
         cc.flight_modes(model, replace(trimmed, q={"right": trimmed.q["right"]}))
     with pytest.raises(ValueError, match=r"model: expected the inputs \['elevator'\] of the trim"):
         cc.flight_modes(model, replace(trimmed, inputs={"elevator": 0.0}))
+    with pytest.raises(cc.ConvergenceError, match=r"no turn of 3 rad/s of 'aircraft' near"):
+        cc.trimmed_state(model, trimmed, turn_rate=3.0)
     with pytest.raises(KeyError, match="short period"):
         cc.flight_modes(model, trimmed)["short_period"]

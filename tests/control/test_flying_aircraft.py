@@ -258,6 +258,18 @@ def test_a_gust_is_a_parameter_or_a_field():
         assert_allclose(ca.DM(found), ca.DM(expected), atol=1e-15)
 
 
+def test_time_is_the_time_of_a_simulation(model):
+    x, u, _ = anywhere(model)
+    times = np.linspace(0, 0.02, 3)
+    found, same, still = (
+        cc.simulate(model, x, times, u=u, p=p) for p in (None, {"time": lambda t: t}, {"time": 0})
+    )
+    assert_allclose(found.part("time")[0], times, atol=1e-15)
+    assert_allclose(found.x, same.x, rtol=1e-15)
+    lag = model.x.slices["lag_tail"]
+    assert np.abs(found.x[lag, -1] - still.x[lag, -1]).max() > 1e-4
+
+
 def test_what_cannot_fly_is_named(model):
     plane = aircraft()
     with pytest.raises(ValueError, match="density: expected a number above zero with a gust"):

@@ -311,12 +311,12 @@ class TestAnimation:
         assert capsys.readouterr().err == ""
 
     def test_dense_samples_are_thinned_to_the_largest_frame_rate(self):
-        samples, rate = animation._frames(np.linspace(0, 2, 1001))
+        samples, rate = animation.frames(np.linspace(0, 2, 1001))
         assert rate == animation.LARGEST_FRAME_RATE
         assert samples == list(range(0, 1001, 20))  # 2 s at 25 frames a second: every 0.04 s
 
     def test_uneven_samples_are_held_until_the_next_is_nearer(self):
-        samples, rate = animation._frames(np.array([0.0, 3.0, 4.0, 5.0]))
+        samples, rate = animation.frames(np.array([0.0, 3.0, 4.0, 5.0]))
         assert rate == pytest.approx(3 / 5)
         assert samples == [0, 1, 1, 3]  # frames at 0, 5/3, 10/3 and 5 s
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import casadi as ca
@@ -104,3 +105,9 @@ def published():
         return json.loads(path.read_text())
 
     return read
+
+
+@pytest.fixture
+def terminal(capsys, monkeypatch):
+    """Commands take standard error for a terminal, and so show their progress."""
+    monkeypatch.setattr(type(sys.stderr), "isatty", lambda _: True)

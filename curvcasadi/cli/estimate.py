@@ -250,8 +250,8 @@ def _latest(write: Callable[[str], None]) -> Iterator[Callable[[float, str], Non
 def _progress(arguments: argparse.Namespace) -> Iterator[Callable[[int], Any]]:
     """A bar of the bytes read, on a terminal."""
     total = arguments.log.stat().st_size or None  # none of a pipe
-    off = True if arguments.no_progress else None
-    with tqdm(desc="estimate", total=total, unit="B", unit_scale=True, disable=off) as bar:
+    hidden = not arguments.progress
+    with tqdm(desc="estimate", total=total, unit="B", unit_scale=True, disable=hidden) as bar:
         yield lambda end: bar.update(end - bar.n)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -35,8 +36,14 @@ def output(*endings: str) -> Callable[[str], Path]:
 
 
 def add_progress(parser: Any) -> None:
-    """Add --no-progress."""
-    parser.add_argument("--no-progress", action="store_true", help="no progress bar")
+    """Add --no-progress; without a terminal there is no bar anyway."""
+    parser.add_argument(
+        "--no-progress",
+        dest="progress",
+        action="store_false",
+        default=sys.stderr.isatty(),
+        help="no progress bar",
+    )
 
 
 @contextmanager

@@ -95,7 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
     weights = _weights(arguments.weights, beam)
     if arguments.animate and not weights.is_history:
         raise ValueError("--animate: expected --weights FILE.csv, found constant weights")
-    progress = weights.is_history and not arguments.no_progress
+    progress = weights.is_history and arguments.progress
     history = shape_history(
         beam, weights.values, weights.times, names=weights.names, progress=progress
     )
@@ -127,7 +127,7 @@ def _figures(arguments: argparse.Namespace, beam: Beam, weights: _Weights) -> No
             weights.values,
             arguments.animate,
             both=both,
-            progress=not arguments.no_progress,
+            progress=arguments.progress,
         )
 
 

@@ -105,7 +105,7 @@ def run(arguments: argparse.Namespace) -> int:
     scenario = load_scenario(arguments.wing, **changes, more_loads=more)
     failure = None
     try:
-        motion = simulate_scenario(scenario, progress=not arguments.no_progress)
+        motion = simulate_scenario(scenario, progress=arguments.progress)
     except ConvergenceError as error:
         motion, failure = error.result, error
     _warn_beyond_limits(scenario.beam, motion)
@@ -136,7 +136,7 @@ def _write(arguments: argparse.Namespace, beam: Beam, motion: Simulation) -> Non
                 arguments.animate,
                 both=not arguments.half,
                 local_axes=False,
-                progress=not arguments.no_progress,
+                progress=arguments.progress,
             )
             print(f"wrote {arguments.animate}")
 

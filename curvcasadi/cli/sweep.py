@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
         client,
         batched=True,
         record=arguments.record,
-        progress=not arguments.no_progress,
+        progress=arguments.progress,
     )
     print(_table(result))
     if arguments.out:

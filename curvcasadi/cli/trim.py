@@ -90,7 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
             free=arguments.free,
             inputs=_held(arguments.hold, aircraft),
             objective=arguments.objective,
-            progress=len(speeds) > 1 and not arguments.no_progress,
+            progress=len(speeds) > 1 and arguments.progress,
         )
     except ValueError as error:
         raise ValueError(_by_options(str(error))) from None

@@ -89,7 +89,7 @@ def test_weights_may_begin_with_a_minus_sign(capsys, form):
     assert row[4] == pytest.approx(np.degrees(16 * -0.01), abs=0.5001e-3)
 
 
-def test_a_history_is_written_sample_by_sample(capsys, tmp_path, history):
+def test_a_history_is_written_sample_by_sample(capsys, terminal, tmp_path, history):
     path, weights = history
     out = tmp_path / "p.npz"
     assert main(["shape", HALE_WING, "--weights", str(path), "--out", str(out)]) == 0
@@ -112,7 +112,7 @@ def test_a_constant_shape_is_written_as_csv(tmp_path):
     np.testing.assert_allclose([rows[k][-1] for k in ("p_x", "p_y", "p_z")], tip, atol=1e-13)
 
 
-def test_figures_and_animation_are_written(tmp_path, history, capsys):
+def test_figures_and_animation_are_written(tmp_path, history, capsys, terminal):
     options = {"--plot": "wing.png", "--basis-plot": "basis.png", "--animate": "wing.gif"}
     arguments = [text for key, name in options.items() for text in (key, str(tmp_path / name))]
     assert main(["shape", HALE_WING, "--weights", str(history[0]), "--half", *arguments]) == 0

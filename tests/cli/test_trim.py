@@ -122,14 +122,14 @@ def test_what_is_left_is_printed_and_small(capsys):
     assert max(map(float, wings["residual [N m2]"])) < 2e-3
 
 
-def test_speeds_add_up_and_ranges_include_their_ends(capsys):
+def test_speeds_add_up_and_ranges_include_their_ends(capsys, terminal):
     assert run("--speed", 33, "--speed", "24:30:2", "--speed", "25:25.5:1") == 0
     captured = capsys.readouterr()
     assert columns(captured.out, "alpha [deg]")["V [m/s]"] == ("33", "24", "26", "28", "30", "25")
     assert "6/6" in captured.err  # the progress bar
 
 
-def test_one_speed_has_no_progress_bar(capsys):
+def test_one_speed_has_no_progress_bar(capsys, terminal):
     assert run("--speed", 25) == 0
     assert capsys.readouterr().err == ""
 

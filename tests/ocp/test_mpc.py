@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -304,6 +306,25 @@ def test_a_beam_with_inertia_is_brought_to_rest(beam):
     assert abs(float(heights[0])) < 0.02 * abs(float(heights[1]))
     assert np.abs(np.diff(loads)).max() <= 300 * 0.05 + 1e-6
     assert np.abs(loads).max() <= 30
+
+
+@pytest.mark.parametrize("limit", [None, 0.3])
+def test_elements_turn_no_further_than_they_may(limit):
+    beam = replace(WING, weight_bounds=None, grid=cc.Grid.uniform(4, max_angle=0.2))
+    free = cc.kinematic_model(beam, time_constant=0.2)
+    mpc = cc.Mpc(
+        free,
+        dt=DT,
+        horizon=4,
+        outputs={"position": 1.0},
+        moves={"q_command": 1e-3},
+        bounds={} if limit is None else {"element_angles": (0.0, limit)},
+        solver="sqp",
+    )
+    step = mpc.step(np.zeros(5), reference={"position": [0.0, 13.0, -8.0]})
+    assert step.success, step.message
+    squares = [cc.squared_element_angles(beam, q).full() / 0.2**2 for q in step.states.T]
+    assert_allclose(np.max(squares), limit or 1.0, rtol=1e-5)
 
 
 def test_the_whole_controller_becomes_c(tmp_path):

@@ -100,8 +100,9 @@ class Mpc:
         Weights of parts of `model.u`, and of their changes from stage to stage.
     bounds : mapping of str to pair
         (lower, upper), numbers or arrays, of inputs, outputs and parts of the state. Bounds of
-        parts of the state replace those of the model, infinite ones remove them. "angles": squared
-        angles of elements over what they may be, at most 1 unless given, where the model has them.
+        parts of the state replace those of the model, infinite ones remove them. Under the name
+        "element_angles": squares of the angles of the elements over `Grid.max_angle`; at most 1
+        unless given in a `kinematic_model` whose weights may exceed it.
     rate_bounds : mapping of str to float, array or pair
         Bounds of rates per second: of inputs from stage to stage, of parts of the state at the
         starts of stages.

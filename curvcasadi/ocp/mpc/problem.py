@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from curvcasadi.control.model import ControlModel
 from curvcasadi.lie import quaternion
-from curvcasadi.ocp.mpc.terms import Limit, Penalty
+from curvcasadi.ocp.mpc.terms import Limit, Penalty, angle_function
 from curvcasadi.solvers.stages import Stages
 from curvcasadi.symbolic.expressions import Array
 from curvcasadi.symbolic.layout import Layout
@@ -225,8 +225,9 @@ class MpcProblem:
         sources: dict[str, ca.MX] = {"x": x}
         if any(limit.source == "y" for limit in self.limits):
             sources["y"] = model.output(x, u, p)
-        if model.angles is not None:
-            sources["angles"] = model.angles(x)
+        angles = angle_function(model)
+        if angles is not None and any(limit.source == "angles" for limit in self.limits):
+            sources["angles"] = angles(x)
         if any(limit.source == "rate" for limit in self.limits):
             applied = ca.diag(ca.DM(self.scale)) @ w[:nu]
             sources["rate"] = model.xdot(self.split(z)[0], applied, p)

@@ -19,7 +19,7 @@ from curvcasadi.symbolic.layout import Layout, Part
 Source = Literal["y", "x", "u", "angles", "rate"]
 
 #: Name under which the squared angles of elements, over what they may be, are bounded.
-ANGLES = "angles"
+ANGLES = "element_angles"
 #: Outputs with this word in their name are rotation matrices by columns, one or several.
 _ROTATION = "rotation"
 
@@ -101,6 +101,11 @@ def is_rotation(part: Part) -> bool:
     return part.size % 9 == 0 and _ROTATION in part.name.split("_")
 
 
+def angle_function(model: ControlModel) -> ca.Function | None:
+    """(x) -> squared angles of elements over what they may be: of those that may exceed it."""
+    return model.angles if model.angles is not None else model.element_angles
+
+
 def penalties(name: str, source: Source, layout: Layout, given: Any) -> tuple[Penalty, ...]:
     """Penalties of weights by the names of parts of a layout."""
     found = []
@@ -141,7 +146,7 @@ def limits(model: ControlModel, bounds: Any, rates: Any, soft: Any) -> tuple[Lim
         **{part.name: ("y", model.y) for part in model.y.parts},
     }
     inputs = {part.name for part in model.u.parts}
-    names = [*known, *sorted(inputs), *([ANGLES] if model.angles else [])]
+    names = [*known, *sorted(inputs), *([ANGLES] if angle_function(model) else [])]
     given = {
         part.name: (part.lower, part.upper)
         for part in model.x.parts
@@ -155,7 +160,8 @@ def limits(model: ControlModel, bounds: Any, rates: Any, soft: Any) -> tuple[Lim
     found = []
     for key, pair in given.items():
         source: Source = "angles"
-        size, start = int(model.angles.nnz_out(0)) if model.angles else 0, 0
+        angles = angle_function(model)
+        size, start = int(angles.nnz_out(0)) if angles else 0, 0
         if key in known:
             source, layout = known[key]
             size, start = _part(layout, key).size, layout.slices[key].start

@@ -146,7 +146,7 @@ def shape_target_function(
         q=q,
         problem=problem,
         preference=preference * (float(regularization) if problem.weighted.numel() else 1.0),
-        damping=preference * float(damping),
+        damping=ca.sparsify(preference * float(damping)),
         limits=limits,
     )
     unit = 1 / described.largest()
@@ -220,8 +220,11 @@ class _Linearized:
         hessian = e_q.T @ e_q + b * (w_q.T @ w_q + self.preference) + self.damping
         constraints = self.limits.expression
         outputs = [objective, gradient, hessian, constraints, ca.jacobian(constraints, self.q).T]
+        # Graphs in one export that differ by a term have different names.
         graph = ca.Function(
-            "stage", [self.q, *_symbols(self.problem), y, a, b], [unit * x for x in outputs[:3]]
+            "stage" if self.damping.nnz() else "undamped_stage",
+            [self.q, *_symbols(self.problem), y, a, b],
+            [unit * x for x in outputs[:3]],
         )
         limits = ca.Function("limits", [self.q], outputs[3:])
         x, stacked = ca.MX.sym("x", self.q.numel()), ca.MX.sym("p", values.numel() + y.numel() + 2)

@@ -23,6 +23,7 @@ from curvcasadi.control.error_state import add
 from curvcasadi.control.model import ControlModel
 from curvcasadi.control.step import rk4
 from curvcasadi.estimation import ud
+from curvcasadi.estimation.process import REJECTIONS
 from curvcasadi.lie import quaternion
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
@@ -34,9 +35,6 @@ from curvcasadi.symbolic.expressions import (
     numbers,
 )
 from curvcasadi.symbolic.layout import Layout, Part
-
-#: Parts of the state of a filter that count rejected updates, not estimated.
-REJECTIONS = "rejections"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

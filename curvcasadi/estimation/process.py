@@ -76,6 +76,9 @@ def process_model(
     return process.kind, process.density, process.rate, process.acceleration
 
 
+#: The part of a state that counts rejected updates, which is not estimated.
+REJECTIONS = "rejections"
+
 #: Outputs of both Functions; CasADi wants other names than those of inputs.
 AFTER = ("state_after", "factor_after")
 
@@ -95,6 +98,7 @@ class Process:
     biases: int = 0  #: number of gyros on the wing whose bias is in the state
     root_bias: bool = False  #: whether that of the root's gyro is
     bias_density: float | None = None  #: rad/(s √s); with biases
+    counters: int = 0  #: kinds of sensors whose rejections are counted
 
     @property
     def n(self) -> int:
@@ -108,8 +112,9 @@ class Process:
 
     @property
     def state(self) -> Layout:
-        """The nominal state; the attitude is C by columns."""
-        return self._layout(Part("attitude", 9, "1"))
+        """The nominal state; the attitude is C by columns, counters of rejections are last."""
+        counters = (Part(REJECTIONS, self.counters, "1"),) if self.counters else ()
+        return Layout((*self._layout(Part("attitude", 9, "1")).parts, *counters))
 
     def _layout(self, attitude: Part) -> Layout:
         parts = [attitude] if self.attitude else []

@@ -235,6 +235,31 @@ def test_one_wrong_sensor_is_left_out_for_good(shaft):
     assert np.abs(errors).max() < 4.5
 
 
+@pytest.mark.parametrize("process", ["random_walk", "white_acceleration"])
+def test_a_filter_of_a_white_process_recovers_where_it_is_asked_to(process):
+    # A wing at rest, thought straight: gauges, and attitude sensors, which are used as a whole.
+    beam = cc.Beam(
+        length=2.0,
+        basis=cc.ChannelBasis(torsion=cc.Legendre(1), out_of_plane=cc.Legendre(2)),
+        grid=cc.Grid.uniform(4),
+    )
+    sensors = [
+        *(cc.AttitudeSensor(xi=xi, noise=0.01) for xi in (0.5, 1.0)),
+        *(cc.StrainGauge(xi=xi, offset=[0, 0.05], noise=1e-4) for xi in (0.1, 0.6)),
+    ]
+    truth, deviation = np.array([0.2, -0.4, 0.1]), {"q": 1e-3, "q_dot": 1e-3}
+    values = cc.measure(sensors, beam, truth).values.full()[:, 0]
+    samples = [(DT * k, values) for k in range(1, 31)]
+    for recovery, recovers in ((0, False), (5, True)):
+        ekf = cc.shape_ekf(
+            beam, sensors, process=process, density=1e-3, recovery=recovery, iterations=3
+        )
+        start = ekf.initial({p.name: deviation[p.name] for p in ekf.error_layout.parts})
+        *_, last = cc.run_ekf(ekf, start, samples)
+        assert bool(np.abs(ekf.part(last, "q") - truth).max() < 5e-3) == recovers
+        assert ("rejections" in ekf.layout.slices) == recovers
+
+
 # Free flight -------------------------------------------------------------------------------------
 
 
@@ -448,7 +473,7 @@ def test_what_a_filter_on_a_model_needs(shaft):
         },
         "process: expected a model whose state": {"beam": other, "process": process},
         "recovery: expected a whole number": {"process": process, "recovery": -1},
-        "recovery: expected None": {"process": "random_walk", "density": 1.0, "recovery": 3},
+        "outputs: expected None": {"process": "random_walk", "density": 1.0, "outputs": {"q": 1.0}},
     }.items():  # fmt: skip
         with pytest.raises(ValueError, match=re.escape(message)):
             cc.shape_ekf(**{"beam": beam, "sensors": [GAUGE], **arguments})

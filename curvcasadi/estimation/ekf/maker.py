@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -145,9 +146,9 @@ or ModelProcess
     accelerometer_bias : bool
         Whether biases of accelerometers are estimated, with a control model.
     recovery : int, optional
-        With a control model: of how many updates in a row most samples of a kind of sensor have to
-        fail the gate before it opens, so that the filter does not lock itself out after a wrong
-        start; 0 for never. 10 unless given.
+        Of how many updates in a row most samples of a kind of sensor have to fail the gate before
+        it opens, so that the filter does not lock itself out after a wrong start; 0 for never.
+        Unless given 10 with a control model, else 0. Counters of it are then part of the state.
     name : str
         The Functions are called <name>_predict and <name>_update.
 
@@ -199,9 +200,8 @@ or ModelProcess
         )
         by_model = described_process(process, density, acceleration)
         return ShapeEkf(**model_filter(name, beam, sensors, by_model, dict(outputs or {}), options))
-    for key, value in {"outputs": outputs, "recovery": recovery}.items():
-        if value is not None:
-            raise ValueError(f"{key}: expected None without a control model, found {value}")
+    if outputs is not None:
+        raise ValueError(f"outputs: expected None without a control model, found {outputs}")
     if accelerometer_bias:
         raise ValueError("accelerometer_bias: expected a control model as process with it")
     instance("beam", beam, Beam)
@@ -242,6 +242,7 @@ or ModelProcess
         root_bias=gyro_bias and attitude,
         bias_density=_one("bias_density", bias_density) if gyro_bias else None,
     )
+    limit, opens = _gate(gate), count("recovery", 0 if recovery is None else recovery, 0)
     observation = Observation(
         beam=beam,
         sensors=checked,
@@ -249,9 +250,11 @@ or ModelProcess
         root=numeric_root(root, known),
         unknown=unknown,
         inputs=known,
-        gate=_gate(gate),
+        gate=limit,
         iterations=count("iterations", iterations),
+        recovery=opens if limit < np.inf else 0,
     )
+    described = replace(described, counters=len(observation.kinds) if observation.recovery else 0)
     return ShapeEkf(
         predict=predict_function(f"{name}_predict", described),
         update=update_function(f"{name}_update", described, observation),

@@ -31,6 +31,12 @@ class Observation:
     inputs: tuple[str, ...]  #: of "attitude", "position", "twist", "twist_rate": known motion
     gate: float  #: largest innovation over its standard deviation
     iterations: int  #: linearizations of an update
+    recovery: int = 0  #: failed updates in a row after which the gate opens; 0 for never
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of sensors, whose rejections are counted."""
+        return tuple(dict.fromkeys(sensor.prefix for sensor in self.sensors))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -6,8 +6,9 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.estimation import ud
+from curvcasadi.estimation.ekf.gate import Gate
 from curvcasadi.estimation.ekf.readings import Observation, Readings
-from curvcasadi.estimation.process import DEGREE, Process
+from curvcasadi.estimation.process import DEGREE, REJECTIONS, Process
 from curvcasadi.estimation.samples import attitudes_function
 from curvcasadi.kinematics.root_motion import ROOT_INPUTS
 from curvcasadi.lie import so3
@@ -34,10 +35,12 @@ def update_function(name: str, process: Process, observation: Observation) -> ca
     for iteration in range(observation.iterations):
         if iteration:
             error = difference(at, state)
-        step, factor_after, said, unknown = take(
+        step, factor_after, said, unknown, counters = take(
             error, factor, at, unknown, measured, *known.values()
         )
         at = retract(at, step)
+    if observation.recovery:
+        at = ca.vertcat(at[: -counters.numel()], counters)
     innovation, used = said[0, :].T, said[1, :].T
     outputs = {
         "state_after": at,
@@ -70,16 +73,16 @@ def _pass(process: Process, observation: Observation, look: bool) -> ca.Function
     arguments = [start, factor, state, unknown, measured, *known.values()]
 
     readings = Readings(process, observation, state, measured, known)
+    gate = Gate(observation.gate, observation.recovery, _counters(process, state))
     rows = readings.rows(None if look or not first else unknown)
     offset = ca.MX(ca.DM.zeros(first)) if look else readings.offset(unknown)
     variances = np.concatenate([np.zeros(0), *observation.unknown.values()]) ** 2
     belief = prior_belief(size, variances)(factor, start, offset)
     outcomes = []
-    for row in rows:
+    for row, sensor in zip(rows, observation.sensors, strict=True):
         if row.shared or not look:
-            gated = row.together and observation.gate < np.inf
-            measure = ud.measure_together if gated else ud.measure_rows
-            belief, more = measure(belief, row.rows, row.variance, observation.gate)
+            kind = observation.kinds.index(sensor.prefix)
+            belief, more = gate.measure(belief, row, kind)
             outcomes += more
     after, error = ud.split_belief(belief, first + size)
     outputs = [
@@ -87,9 +90,14 @@ def _pass(process: Process, observation: Observation, look: bool) -> ca.Function
         after[first:, first:],
         ca.horzcat(*outcomes),
         offset + error[:first, :],
+        gate.counters(),
     ]
-    name, outputs = ("look", outputs[-1:]) if look else ("take", outputs)
+    name, outputs = ("look", outputs[-2:-1]) if look else ("take", outputs)
     return ca.Function(name, arguments, outputs, {"cse": True})
+
+
+def _counters(process: Process, state: ca.MX) -> ca.MX:
+    return process.state.split(state)[REJECTIONS] if process.counters else ca.MX(0, 1)
 
 
 def _unknowns(observation: Observation) -> int:
@@ -119,7 +127,11 @@ def _retraction(process: Process) -> ca.Function:
     state = ca.SX.sym("state", process.state.size)
     error = ca.SX.sym("error", process.error.size)
     parts, steps = process.state.split(state), process.error.split(error)
-    moved: dict[str, AnyExpr] = {key: parts[key] + steps[key] for key in parts if key != "attitude"}
+    moved: dict[str, AnyExpr] = {
+        key: parts[key] + steps[key] for key in parts if key in steps and key != "attitude"
+    }
+    if process.counters:
+        moved[REJECTIONS] = parts[REJECTIONS]
     if process.attitude:
         attitude = ca.reshape(parts["attitude"], 3, 3) @ so3.exp(steps["attitude"], DEGREE)
         moved["attitude"] = ca.vec(so3.orthonormal(attitude))
@@ -130,7 +142,11 @@ def _difference(process: Process) -> ca.Function:
     """(a, b) -> the error that takes the state a to b."""
     a, b = (ca.SX.sym(key, process.state.size) for key in "ab")
     of_a, of_b = process.state.split(a), process.state.split(b)
-    errors: dict[str, AnyExpr] = {key: of_b[key] - of_a[key] for key in of_a if key != "attitude"}
+    errors: dict[str, AnyExpr] = {
+        part.name: of_b[part.name] - of_a[part.name]
+        for part in process.error.parts
+        if part.name != "attitude"
+    }
     if process.attitude:
         rotations = (ca.reshape(of["attitude"], 3, 3) for of in (of_b, of_a))
         errors["attitude"] = so3.log_error(*rotations)

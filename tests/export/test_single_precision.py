@@ -141,7 +141,9 @@ def test_self_tests_begin_at_rest(wing, tmp_path):
 def test_solvers_with_and_without_damping_share_an_export(wing, tmp_path):
     target = cc.Target(xi=1.0, position=[15.0, 0, 3], weight=1.0)
     functions = [
-        cc.shape_target_function(wing, [target], iterations=1, damping=damping, name=name)
+        cc.shape_target_function(
+            wing, [target], iterations=1, damping=damping, regularization=1e-3, name=name
+        )
         for name, damping in (("damped", 1e-3), ("undamped", 0.0))
     ]
     samples = {f.name(): [[np.full(N, 0.01), [15.5, 0, 2]]] for f in functions}

@@ -35,12 +35,12 @@ def update_function(name: str, process: Process, observation: Observation) -> ca
     for iteration in range(observation.iterations):
         if iteration:
             error = difference(at, state)
-        step, factor_after, said, unknown, counters = take(
+        step, factor_after, said, unknown, *counters = take(
             error, factor, at, unknown, measured, *known.values()
         )
         at = retract(at, step)
-    if observation.recovery:
-        at = ca.vertcat(at[: -counters.numel()], counters)
+    if counters:
+        at = ca.vertcat(at[: -process.counters], *counters)
     innovation, used = said[0, :].T, said[1, :].T
     outputs = {
         "state_after": at,
@@ -90,9 +90,10 @@ def _pass(process: Process, observation: Observation, look: bool) -> ca.Function
         after[first:, first:],
         ca.horzcat(*outcomes),
         offset + error[:first, :],
-        gate.counters(),
     ]
-    name, outputs = ("look", outputs[-2:-1]) if look else ("take", outputs)
+    name, outputs = ("look", outputs[-1:]) if look else ("take", outputs)
+    if observation.recovery and not look:
+        outputs.append(gate.counters())
     return ca.Function(name, arguments, outputs, {"cse": True})
 
 

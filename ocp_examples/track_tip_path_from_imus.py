@@ -95,7 +95,7 @@ def simulate() -> dict[str, np.ndarray]:
         poses = [tip(path_weights((k + 1 + j) * DT)) for j in range(STAGES)]
         goals, frames = (ca.horzcat(*part) for part in zip(*poses, strict=True))
         found = step(seen, d, u, goals, frames, plan)
-        if all(float(value) <= 1 for value in found[3:]):  # violation, stationarity
+        if all(float(value) <= 1 for value in found[3:5]):  # violation, stationarity
             u, plan = found[:2]
         else:
             held += 1

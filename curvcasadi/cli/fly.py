@@ -103,7 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
             u=u,
             method="implicit_midpoint",
             dt=arguments.step,
-            progress=not arguments.no_progress,
+            progress=arguments.progress,
         )
     except ConvergenceError as error:
         motion, failure = error.result, error
@@ -230,7 +230,7 @@ def _write(arguments: argparse.Namespace, aircraft: Any, motion: Simulation) -> 
             plotting.save_figure(plotting.plot_flight(motion), arguments.plot)
         if arguments.animate:
             plotting.animate_flight(
-                aircraft, motion, arguments.animate, progress=not arguments.no_progress
+                aircraft, motion, arguments.animate, progress=arguments.progress
             )
     for path in (arguments.out, arguments.plot, arguments.animate):
         if path:

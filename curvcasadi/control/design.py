@@ -30,6 +30,7 @@ from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.roots import GROWTH
 from curvcasadi.symbolic.expressions import Array, choice, instance, sequence
 from curvcasadi.symbolic.layout import Layout
+from curvcasadi.symbolic.text import grouped
 
 #: What Newton's method may correct of a steady state, relative to it or to a small one, rad/m.
 AT_REST, SMALLEST = 1e-6, 1e-6
@@ -60,6 +61,9 @@ class DesignDerivatives:
     D: Array
     B_p: Array
     D_p: Array
+
+    def __repr__(self) -> str:
+        return f"<DesignDerivatives of {self.linear.model.name} by {grouped(self.labels)}>"
 
     @property
     def roots(self) -> tuple[Array, Array]:

@@ -93,6 +93,9 @@ class Flutter:
         """−Re λ/|λ| of each root, shape (T, nx)."""
         return np.asarray(-self.roots.real / np.abs(self.roots))
 
+    def __repr__(self) -> str:
+        return f"<Flutter of {self.model.name}: {self.message.splitlines()[0]}>"
+
     def __str__(self) -> str:
         oscillation = "none"
         if self.speed is not None and self.frequency is not None:

@@ -103,6 +103,10 @@ class LinearModel:
         }
         savemat(path, {**arrays, **columns, **labels})
 
+    def __repr__(self) -> str:
+        sizes = ", ".join(f"{len(m)} {n}" for m, n in ((self.A, "states"), (self.C, "outputs")))
+        return f"<LinearModel of {self.model.name}: {sizes}>"
+
     def __str__(self) -> str:
         rows = [f"{self.model.name}, linear about a state: eigenvalues, 1/s"]
         for value in self.eigenvalues[:12]:

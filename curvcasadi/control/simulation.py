@@ -83,6 +83,9 @@ class Simulation:
         names = [part.name for layout, _ in layouts for part in layout.parts]
         raise ValueError(f"name: expected one of {names}, found {name!r}")
 
+    def __repr__(self) -> str:
+        return f"<Simulation of {self}>"
+
     def __str__(self) -> str:
         return (
             f"{self.model.name}: {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s; "

@@ -18,9 +18,14 @@ from curvcasadi.kinematics import jacobian as kinematics
 from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.lie import so3
 from curvcasadi.symbolic.expressions import Array, instance, is_numeric, numbers
+from curvcasadi.symbolic.text import described
 
 #: Unsymmetric or gyroscopic parts below this fraction of a matrix are rounding.
 _ROUNDING = 1e-9
+
+
+#: Modes that are printed.
+_SHOWN = 12
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,6 +56,18 @@ class VibrationModes:
     stations: Array
     displacements: Any
     motions: Any
+
+    def __repr__(self) -> str:
+        return f"<VibrationModes: {len(self.frequencies)} from {self.frequencies[0]:.5g} rad/s>"
+
+    def __str__(self) -> str:
+        rows = {
+            f"mode {k + 1}": f"{omega:.5g} rad/s ({omega / (2 * np.pi):.4g} Hz)"
+            for k, omega in enumerate(self.frequencies[:_SHOWN])
+        }
+        more = len(self.frequencies) - len(rows)
+        title = "Natural frequencies" + (f", the lowest; {more} more" if more else "")
+        return described(title, rows)
 
 
 def natural_frequencies(

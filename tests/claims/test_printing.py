@@ -35,6 +35,27 @@ ROD = cc.Beam(
 GAUGES = [cc.StrainGauge(xi=xi, offset=(0.0, 0.01), noise=1e-5) for xi in (0.1, 0.5, 0.9)]
 
 
+def lagging(beam):
+    return cc.kinematic_model(beam, time_constant=0.2)
+
+
+def motion():
+    return cc.simulate(lagging(ROD), None, [0.0, 0.1, 0.2])
+
+
+def mpc_step():
+    mpc = cc.Mpc(lagging(ROD), dt=0.1, horizon=3, outputs={"position": 1.0}, compiled=False)
+    return mpc.step([0.1, 0.0], reference={"position": [1.9, 0.0, 0.5]})
+
+
+def vibrations(torsion):
+    section = cc.Section(
+        GJ=1.0, EI_y=1.0, EI_z=1.0, mass_per_length=1.0, inertia=np.diag([0.1, 0.05, 0.05])
+    )
+    basis = cc.ChannelBasis(torsion=cc.Legendre(torsion), out_of_plane=cc.Legendre(4))
+    return cc.vibration_modes(replace(ROD, section=section, basis=basis, weight_bounds=None))
+
+
 def mhe_estimate():
     mhe = cc.shape_mhe(ROD, GAUGES, dt=0.1, window=1, process="random_walk", density=0.1)
     readings = cc.measure(GAUGES, ROD, [0.1, 0.0]).values
@@ -59,6 +80,8 @@ RESULTS = {
     "fit": lambda: cc.fit_shape(ROD, GAUGES, cc.measure(GAUGES, ROD, [0.1, 0.0]).values),
     "placement": lambda: cc.place_sensors(ROD, GAUGES, 1, shapes=[0.1, 0.0], prior=0.1),
     "window": mhe_estimate,
+    "motion": motion,
+    "predictive control": mpc_step,
 }
 DESCRIPTIONS = {
     "beam": lambda: WING,
@@ -75,6 +98,8 @@ DESCRIPTIONS = {
     "pose": lambda: WING.root,
     "aircraft": lambda: load_aircraft(AIRCRAFT),
     "filter's estimate": ekf_estimate,
+    "vibrations": lambda: vibrations(2),
+    "linear model": lambda: cc.linearize(lagging(ROD), [0.1, 0.0]),
 }
 
 

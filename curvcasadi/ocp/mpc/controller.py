@@ -30,6 +30,7 @@ from curvcasadi.symbolic.expressions import (
     rotation_matrix,
 )
 from curvcasadi.symbolic.layout import Layout, Part
+from curvcasadi.symbolic.text import described, shown
 
 _SOLVERS = ("rti", "sqp", "ipopt")
 _QP_SOLVERS = ("own", "hpipm", "qpoases", "daqp", "qrqp", "osqp", "piqp", "proxqp")
@@ -69,6 +70,19 @@ class MpcStep:
     violation: float
     stationarity: float
     slack: dict[str, Array]
+
+    def __repr__(self) -> str:
+        return f"<MpcStep: {self.message.splitlines()[0]}>"
+
+    def __str__(self) -> str:
+        rows = {
+            "u": shown(self.u),
+            "plan": f"{self.plan.shape[1]} stages",
+            "violation": f"{self.violation:.2g}, at most 1 where bounds are kept",
+            "stationarity": f"{self.stationarity:.2g}, at most 1 at an optimum",
+            **{f"slack of {name}": f"{np.max(v):.3g} at most" for name, v in self.slack.items()},
+        }
+        return described(f"Step of predictive control: {self.message}", rows)
 
 
 class Mpc:

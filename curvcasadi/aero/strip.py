@@ -120,7 +120,7 @@ class StripAerodynamics:
     zero_lift_angle : float, symbol or callable
         Angle of attack without lift, rad; below zero for positive camber.
     profile_drag : float, symbol or callable
-        Drag coefficient of the profile.
+        Drag coefficient of the profile, not below zero.
     moment_coefficient : float, symbol or callable
         Moment coefficient about the aerodynamic centre, nose-up positive.
     controls : tuple of ControlSurface
@@ -128,8 +128,8 @@ class StripAerodynamics:
     moment_slope : float, symbol or callable
         Slope of the moment coefficient about the aerodynamic centre, nose-up positive, 1/rad.
     suction : float, symbol or callable
-        Part of the leading-edge suction that is there: with 1 lift stands normal to the flow, with
-        0 normal to the chord.
+        Part of the leading-edge suction that is there, from 0 to 1: with 1 lift stands normal to
+        the flow, with 0 normal to the chord.
     stations : int
         Number of aerodynamic stations; more where breaks leave more intervals.
     upper_side : {1, -1} or None
@@ -210,7 +210,7 @@ class StripAerodynamics:
 def _warn_of_units(strips: StripAerodynamics) -> None:
     """Warn of a lift slope or an angle that look like those of degrees."""
     slopes = sizes(strips.lift_slope)
-    unlikely = slopes[((slopes > 0) & (slopes < SMALLEST_SLOPE)) | (slopes > LARGEST_SLOPE)]
+    unlikely = slopes[((slopes != 0) & (slopes < SMALLEST_SLOPE)) | (slopes > LARGEST_SLOPE)]
     if unlikely.size:
         warnings.warn(
             f"StripAerodynamics.lift_slope: {unlikely[0]:g} 1/rad is implausible; a thin airfoil "
@@ -218,10 +218,30 @@ def _warn_of_units(strips: StripAerodynamics) -> None:
             UserWarning,
             stacklevel=4,
         )
+    chords = sizes(strips.chord)
+    if chords.size:
+        warn_of_size(
+            "StripAerodynamics.aerodynamic_center",
+            strips.aerodynamic_center,
+            float(np.max(chords)),
+            "m",
+            "it is more than the chord away from the reference curve",
+        )
     advice = "degrees are np.deg2rad(...)"
     warn_of_size(
         "StripAerodynamics.zero_lift_angle", strips.zero_lift_angle, LARGEST_ANGLE, "rad", advice
     )
+
+
+def _not_negative(name: str, value: Number) -> AnyExpr:
+    return ca.DM(positive(name, value, zero=True)) if is_numeric(value) else scalar(name, value)
+
+
+def _share(name: str, value: Number) -> AnyExpr:
+    share = scalar(name, value)
+    if is_numeric(share) and not 0 <= float(share) <= 1:
+        raise ValueError(f"{name}: expected a number from 0 to 1, found {float(share):g}")
+    return share
 
 
 #: Fields of `StripAerodynamics` that may vary along the span, and what they must fulfil.
@@ -230,10 +250,10 @@ QUANTITIES: dict[str, Check] = {
     "aerodynamic_center": scalar,
     "lift_slope": scalar,
     "zero_lift_angle": scalar,
-    "profile_drag": scalar,
+    "profile_drag": _not_negative,
     "moment_coefficient": scalar,
     "moment_slope": scalar,
-    "suction": scalar,
+    "suction": _share,
 }
 
 

@@ -38,6 +38,8 @@ from curvcasadi.symbolic.expressions import (
     choice,
     function_name,
     instance,
+    number,
+    optional,
     positive,
     sequence,
     station,
@@ -137,10 +139,13 @@ def aircraft_model(
     """
     instance("aircraft", aircraft, Aircraft)
     function_name("name", name)
+    optional("lag", lag, IndicialLag)
+    optional("induced_flow", induced_flow, LiftingLine)
+    instance("entry", entry, GustEntry)
     beta = float(positive("damping", damping, zero=True))
     gusts = _gusts(gust, entry)
     equations = flight_equations(
-        aircraft, _air(density, lag, gusts, induced_flow), float(gravity), name
+        aircraft, _air(density, lag, gusts, induced_flow), number("gravity", gravity), name
     )
     wanted = _wanted(aircraft, outputs, stations)
     x, u, p = _layouts(equations, gusts)
@@ -211,7 +216,6 @@ def _gusts(gust: Gust, entry: GustEntry) -> _Gusts:
         return _Gusts(None, None, lambda position, p: ca.DM.zeros(3))
     if isinstance(gust, GustEntry):
         return _Gusts(gust, Part("gust", 1, "m/s"), lambda position, p: ca.vertcat(0, 0, -p))
-    instance("entry", entry, GustEntry)
     time = Part("time", 1, "s")
     if isinstance(gust, GustField):
         return _Gusts(entry, time, gust)

@@ -30,7 +30,9 @@ from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Number,
     choice,
+    function_name,
     instance,
+    refuse_repeated,
     sequence,
     station,
 )
@@ -112,6 +114,10 @@ def beam_model(
     """
     n = instance("beam", beam, Beam).basis.n
     wanted = [choice("outputs", key, OUTPUTS) for key in sequence("outputs", outputs)]
+    places = [
+        station("curvature_stations", xi)
+        for xi in sequence("curvature_stations", curvature_stations)
+    ]
     inputs, parameters = dict(inputs or {}), dict(parameters or {})
     symbols = _symbols(inputs, parameters)
     listed = list(parameters.values())
@@ -168,7 +174,7 @@ def beam_model(
         real=beam.grid.real,
         spans=curvature_spans(beam.basis),
     )
-    of_shape = _shape_outputs(f"{name}_shape", beam, curvature_stations, wanted, symbols)
+    of_shape = _shape_outputs(f"{name}_shape", beam, places, wanted, symbols)
     named = dict(zip(symbols, [*u_values, *p_values], strict=True))
     values = of_shape.call({"q": state["q"], **named})
     if not set(wanted).isdisjoint(_ACCELERATED):
@@ -191,9 +197,11 @@ def _symbols(inputs: Mapping[str, Any], parameters: Mapping[str, Any]) -> dict[s
         for key, symbol in named.items():
             if not isinstance(symbol, ca.MX) or not symbol.is_valid_input():
                 raise ValueError(f"{field}[{key!r}]: expected an MX symbol, found {symbol!r}")
+            function_name(f"name in {field}", key)
     twice = set(inputs) & set(parameters)
     if twice:
         raise ValueError(f"parameters: expected names other than inputs', found {min(twice)!r}")
+    refuse_repeated("inputs, parameters", {**inputs, **parameters})
     return {**inputs, **parameters}
 
 

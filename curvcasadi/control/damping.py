@@ -13,6 +13,9 @@ from curvcasadi.dynamics import vibration_modes
 from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.symbolic.expressions import AnyExpr, Array, Number, is_numeric, numbers
 
+#: Of the largest eigenvalue of a damping matrix: what negative ones are rounding.
+ROUNDING = 1e-9
+
 
 def modal_damping(
     beam: Beam,
@@ -67,6 +70,16 @@ def modal_damping(
     return np.asarray((matrix + matrix.T) / 2)
 
 
+def _refuse_gain(array: Array) -> None:
+    """Refuse a matrix C whose force C q_dot would feed energy into a motion."""
+    powers = np.linalg.eigvalsh((array + array.T) / 2)
+    if powers[0] < -ROUNDING * np.abs(powers).max():
+        raise ValueError(
+            "damping: expected a matrix that takes energy out of every motion, found one with the "
+            f"eigenvalue {powers[0]:.4g} of its symmetric part"
+        )
+
+
 def damping_matrix(value: Number, n: int, stiffness: AnyExpr) -> ca.MX:
     """C (n, n) of a number β, C = β S, or of C itself."""
     if not is_numeric(value):
@@ -75,6 +88,8 @@ def damping_matrix(value: Number, n: int, stiffness: AnyExpr) -> ca.MX:
         array = numbers("damping", value)
         if array.size == 1 and not float(array.ravel()[0]) >= 0:
             raise ValueError(f"damping: expected a time of at least zero, s, found {array}")
+        if array.shape == (n, n) and n > 1:
+            _refuse_gain(array)
         matrix = float(array.ravel()[0]) * stiffness if array.size == 1 else ca.MX(ca.DM(array))
     if matrix.shape != (n, n):
         raise ValueError(f"damping: expected a number or a matrix ({n}, {n}), found {matrix.shape}")

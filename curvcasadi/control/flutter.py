@@ -25,13 +25,15 @@ from curvcasadi.control.roots import (
     scaled,
     summits,
 )
-from curvcasadi.control.signals import increasing, stacked
+from curvcasadi.control.signals import held_within_bounds, increasing
 from curvcasadi.control.steady import Slopes, SteadyStates
 from curvcasadi.symbolic.expressions import Array, Number, instance
 from curvcasadi.symbolic.text import described
 
 #: Steps in which the first speed is reached from half of it.
 CLIMB = 8
+#: How often an interval is halved where modes change too much to be followed over it.
+HALVINGS = 3
 #: Relative tolerance of speeds.
 TOLERANCE = 1e-9
 
@@ -151,14 +153,14 @@ def flutter(
             "model: expected a model with inertia and a parameter airspeed, as wing_model makes "
             f"it; found {model!r}"
         )
-    grid = increasing("speeds", speeds)
+    grid = increasing("speeds", speeds, "airspeeds, m/s")
     if grid[0] <= 0:
         raise ValueError(f"speeds: expected airspeeds above zero, m/s, found {grid[0]:g}")
-    others = dict(p or {})
+    others = dict(instance("p", {} if p is None else p, Mapping))
     if "airspeed" in others:
         raise ValueError("p: expected parameters other than airspeed, which speeds sets")
-    held = stacked("u", model.u, u)
-    at = stacked("p", model.p, others)
+    held = held_within_bounds("u", model.u, u)
+    at = held_within_bounds("p", model.p, others)
     sweep = _Sweep(SteadyStates(model, model.second_order), held, at)
     points = [_first(sweep, float(grid[0]))]
     message = "an equilibrium at every speed"
@@ -169,7 +171,7 @@ def flutter(
                 f"no equilibrium found at {speed:g} m/s: the last speed is {points[-1].speed:g} m/s"
             )
             break
-        points.append(followed(points[-1], point))
+        points.append(_follow(sweep, points, point))
     onset, divergence, success = None, None, len(points) == len(grid)
     try:
         onset = _crossing(sweep, _with_summits(sweep, points), lambda point: point.growth - GROWTH)
@@ -273,6 +275,18 @@ def _first(sweep: _Sweep, speed: float) -> Point:
         )
     real, imaginary = point.roots.real, point.roots.imag
     return reordered(point, np.lexsort((imaginary < 0, np.abs(real), np.abs(imaginary))))
+
+
+def _follow(sweep: _Sweep, points: list[Point], after: Point, halvings: int = HALVINGS) -> Point:
+    """`after` with the modes of the last point, by way of speeds between where these change."""
+    ordered, certain = followed(points[-1], after)
+    if certain or not halvings:
+        return ordered
+    middle = sweep.at((points[-1].speed + after.speed) / 2, points)
+    if middle is None:
+        return ordered
+    middle = _follow(sweep, points, middle, halvings - 1)
+    return _follow(sweep, [*points, middle], after, halvings - 1)
 
 
 def _with_summits(sweep: _Sweep, points: list[Point]) -> list[Point]:

@@ -53,7 +53,7 @@ def flutter_speed_function(
     known = [part.name for part in model.p.parts if part.name != "airspeed"]
     chosen = [choice("names", key, known) for key in sequence("names", names)]
     sizes = [model.p.slices[key].stop - model.p.slices[key].start for key in chosen]
-    grid, others = increasing("speeds", speeds), dict(p or {})
+    grid, others = increasing("speeds", speeds, "airspeeds, m/s"), dict(p or {})
 
     def sweep(design: Array) -> Flutter | None:
         parts = np.split(design, np.cumsum(sizes)[:-1])

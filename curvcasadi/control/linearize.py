@@ -13,7 +13,7 @@ import numpy as np
 
 from curvcasadi.control.error_state import add
 from curvcasadi.control.model import ControlModel
-from curvcasadi.control.signals import stacked
+from curvcasadi.control.signals import held_within_bounds, stacked
 from curvcasadi.lie import quaternion, so3
 from curvcasadi.symbolic.expressions import Array, Number, instance
 from curvcasadi.symbolic.layout import Layout
@@ -138,11 +138,18 @@ def linearize(
     -------
     LinearModel
         Matrices, and the point at which they hold.
+
+    Raises
+    ------
+    ValueError
+        If an argument has a wrong size, or an input or parameter leaves its bounds (an angle
+        without any: ±π/2).
     """
     instance("model", model, ControlModel)
     at = [
-        stacked(name, layout, value)
-        for name, layout, value in (("x", model.x, x), ("u", model.u, u), ("p", model.p, p))
+        stacked("x", model.x, x),
+        held_within_bounds("u", model.u, u),
+        held_within_bounds("p", model.p, p),
     ]
     blocks = [block.full() for block in _derivatives(model)(*at)]
     a, b, b_p, c, d, d_p = blocks

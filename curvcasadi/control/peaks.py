@@ -14,7 +14,15 @@ import numpy as np
 
 from curvcasadi.control.design import DesignDerivatives
 from curvcasadi.control.linearize import LinearModel
-from curvcasadi.symbolic.expressions import Array, choice, instance, numbers, positive
+from curvcasadi.symbolic.expressions import (
+    Array,
+    choice,
+    count,
+    instance,
+    number,
+    numbers,
+    positive,
+)
 
 #: Samples of a gust, and frequencies at which a peak is looked for, at least.
 SAMPLES = 400
@@ -134,7 +142,9 @@ def gust_peak(
     a, b, c, d = _system(instance("derived", derived, DesignDerivatives), output, entry, source)
     n, m = len(a.value), len(a.slopes)
     times = np.linspace(0.0, float(positive("duration", duration)), SAMPLES + 1)
-    velocities = np.array([float(gust(float(t))) for t in times])
+    if not callable(gust):
+        raise ValueError(f"gust: expected a function of the time, found {gust!r}")
+    velocities = np.array([number(f"gust({t:g})", gust(float(t))) for t in times])
     step = times[1]
     # State, its derivatives, and the gust with its rate: ẋ = A x + b w, Ṡ = A S + dA x + db w.
     size = n * (1 + m)
@@ -189,7 +199,7 @@ def _system(
     model = linear.model
     choice("output", output, [part.name for part in model.y.parts])
     rows = range(model.y.size)[model.y.slices[output]]
-    if not 0 <= entry < len(rows):
+    if not 0 <= count("entry", entry, 0) < len(rows):
         raise ValueError(f"entry: expected one from 0 to {len(rows) - 1}, found {entry}")
     choice("source", source, [part.name for part in (*model.u.parts, *model.p.parts)])
     of_u = source in model.u.slices

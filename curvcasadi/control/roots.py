@@ -20,6 +20,9 @@ from curvcasadi.symbolic.expressions import Array
 GROWTH = 1e-5
 #: Of Im λ/|λ|: what is below does not oscillate.
 OSCILLATING = 1e-6
+#: Likeness of eigenvectors that settles which mode is which, whatever the roots say; what is left
+#: of one is too little.
+ALIKE = 0.9
 
 
 class Point(NamedTuple):
@@ -80,8 +83,12 @@ def summits(points: list[Point]) -> list[float]:
     return found
 
 
-def followed(before: Point, after: Point) -> Point:
-    """`after` with the order of modes of `before`."""
+def followed(before: Point, after: Point) -> tuple[Point, bool]:
+    """`after` with the order of modes of `before`, and whether that order is beyond doubt.
+
+    It is in doubt where eigenvectors of oscillations say another one than their roots do, or say
+    little.
+    """
     from scipy.optimize import linear_sum_assignment
 
     across = np.abs(before.left.conj().T @ after.right) * np.abs(before.right.T @ after.left.conj())
@@ -90,7 +97,12 @@ def followed(before: Point, after: Point) -> Point:
     alike = np.minimum(across / np.maximum(np.multiply.outer(*own), tiny), 1.0)
     size = np.abs(before.roots)[:, None] + np.abs(after.roots)[None, :]
     apart = np.abs(before.roots[:, None] - after.roots[None, :]) / np.maximum(size, tiny)
-    return reordered(after, linear_sum_assignment(apart - alike)[1])
+    order = linear_sum_assignment(apart - alike)[1]
+    ordered = reordered(after, order)
+    oscillating = (before.growths > -1.0) & (ordered.growths > -1.0)
+    likeness = alike[np.arange(len(order)), order]
+    least = np.where(order == linear_sum_assignment(apart)[1], 1 - ALIKE, ALIKE)
+    return ordered, bool(np.all(likeness[oscillating] >= least[oscillating]))
 
 
 def reordered(point: Point, order: Any) -> Point:

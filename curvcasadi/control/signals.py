@@ -55,16 +55,19 @@ def stacked(name: str, layout: Layout, value: Number | Mapping[str, Number] | No
     return vector
 
 
-def increasing(name: str, times: Number) -> Array:
-    """At least two times (T,) that increase."""
-    grid = numbers(name, times).ravel()
+def increasing(name: str, times: Number, what: str = "times, s") -> Array:
+    """At least two numbers (T,) that increase; `what` they are stands in errors."""
+    grid = numbers(name, times)
+    if grid.ndim > 2 or (grid.ndim == 2 and 1 not in grid.shape):
+        raise ValueError(f"{name}: expected a list of {what}, found shape {grid.shape}")
+    grid = grid.ravel()
     if grid.size < 2:
-        raise ValueError(f"{name}: expected at least two times, found {grid.size}")
+        raise ValueError(f"{name}: expected at least two {what.partition(',')[0]}, found {grid.size}")
     behind = np.flatnonzero(np.diff(grid) <= 0)
     if behind.size:
         k = int(behind[0])
         raise ValueError(
-            f"{name}: expected increasing times, s, found {grid[k + 1]:g} after {grid[k]:g}"
+            f"{name}: expected increasing {what}, found {grid[k + 1]:g} after {grid[k]:g}"
         )
     return grid
 
@@ -128,13 +131,22 @@ def within_bounds(name: str, layout: Layout, signal: Course) -> Course:
         if outside.size:
             i = int(outside[0])
             hint = f"; {value[i]:g} degrees are {np.deg2rad(value[i]):.4g} rad" if angles[i] else ""
+            when = "" if np.isnan(t) else f" at t = {t:g} s"
             raise ValueError(
                 f"{name}: {layout.labels[i]}: expected within {lower[i]:g} to {upper[i]:g}, "
-                f"found {value[i]:g} at t = {t:g} s{hint}"
+                f"found {value[i]:g}{when}{hint}"
             )
         return value
 
     return Course(checked, signal.held)
+
+
+def held_within_bounds(
+    name: str, layout: Layout, value: Number | Mapping[str, Number] | None
+) -> Array:
+    """As `stacked`, of inputs or parameters that stay within their bounds."""
+    vector = stacked(name, layout, value)
+    return within_bounds(name, layout, Course(lambda k, t: vector, True))(0, np.nan)
 
 
 def _part_over_time(name: str, size: int, value: Signal, times: Array) -> Course:

@@ -144,9 +144,9 @@ def simulate(
     Raises
     ------
     ValueError
-        If an argument has a wrong size, an input leaves its bounds (an angle without any: ±π/2), a
-        quaternion has no unit length, times do not increase, or an element turns by more than
-        `Grid.max_angle` at the start. A motion that turns it so far later warns.
+        If an argument has a wrong size, an input or parameter leaves its bounds (an angle without
+        any: ±π/2), a quaternion has no unit length, times do not increase, or an element turns by
+        more than `Grid.max_angle` at the start. A motion that turns it so far later warns.
     ConvergenceError
         If a step does not converge or leaves the numbers; it names time and remedy, and `.result`
         is the simulation up to there.
@@ -159,7 +159,7 @@ def simulate(
     longest = positive("dt", dt) if dt is not None else np.inf
     inputs = (
         within_bounds("u", model.u, over_time("u", model.u, u, grid)),
-        over_time("p", model.p, with_time(model.p, p), grid),
+        within_bounds("p", model.p, over_time("p", model.p, with_time(model.p, p), grid)),
     )
     check_bending(model, start)
     held = all(signal.held for signal in inputs)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -20,6 +21,8 @@ from curvcasadi.symbolic.expressions import Array, Number, expression, instance
 TOLERANCE, ITERATIONS = 1e-9, 20
 #: Steps in which a turn is approached from straight flight.
 TURNS = 4
+#: What the angle of attack may move from that of the trim, relative and in rad, without a warning.
+MOVED, MOVED_LEAST = 0.1, 0.005
 
 
 class TrimmedState(NamedTuple):
@@ -49,7 +52,8 @@ def trimmed_state(
     A trim has quasi-steady strips. With a state of the air for each strip they are those of the
     model in steady flight; lag functions along the span, which cannot follow every distribution of
     the angle of attack, and induced flow of another kind move the equilibrium a little. What the
-    trim left free is therefore solved for once more, with the equations of the model.
+    trim left free is therefore solved for once more, with the equations of the model. A warning
+    names an angle of attack that is another then, as in other air.
 
     Parameters
     ----------
@@ -104,6 +108,8 @@ def trimmed_state(
             f"{remedy}",
             found,
         )
+    if not rate:
+        _warn_of_another_flight(float(value[0]), trim)
     return found
 
 
@@ -126,6 +132,18 @@ def _newton(
         value = value.copy()
         value[unknowns.free] += step * scales
     return value, size
+
+
+def _warn_of_another_flight(alpha: float, trim: TrimResult) -> None:
+    """Warn of an angle of attack that is not that of the trim, as in other air."""
+    before = trim.angle_of_attack
+    if abs(alpha - before) > MOVED * abs(before) + MOVED_LEAST:
+        warnings.warn(
+            f"trimmed_state: the angle of attack is {alpha:.4g} rad in the model's equilibrium and "
+            f"{before:.4g} rad in the trim: are density, gravity and induced flow the same?",
+            UserWarning,
+            stacklevel=3,
+        )
 
 
 class _Unknowns:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from curvcasadi.aero.airload import Flow
 from curvcasadi.aero.gust import GustEntry
@@ -17,6 +18,7 @@ from curvcasadi.aero.unsteady import (
     state_parts,
 )
 from curvcasadi.aircraft.parts import Wing
+from curvcasadi.beam.along import scalar
 from curvcasadi.beam.pose import Pose
 from curvcasadi.control.beam_model import CURVATURE_STATIONS
 from curvcasadi.control.bending import element_angles
@@ -39,7 +41,9 @@ from curvcasadi.symbolic.expressions import (
     choice,
     function_name,
     instance,
+    optional,
     positive,
+    refuse_repeated,
     sequence,
     station,
 )
@@ -125,7 +129,8 @@ def wing_model(
     Raises
     ------
     ValueError
-        For symbols in the wing that are no parameters, a density of zero with lag states, lag
+        For symbols in the wing that are no parameters, a gust that is no `GustEntry` (its course is
+        p["gust"] of a simulation), a density of zero with lag states, lag
         functions that the aerodynamic stations do not resolve, and unknown outputs.
     """
     instance("wing", wing, Wing)
@@ -133,6 +138,10 @@ def wing_model(
     if strips is None:
         raise ValueError("Wing.strips: expected airfoil data, found None; use beam_model")
     function_name("name", name)
+    optional("lag", lag, IndicialLag)
+    optional("induced_flow", induced_flow, LiftingLine)
+    optional("gust", gust, GustEntry)
+    scalar("gravity", gravity)
     if positive("density", density, zero=True) == 0 and lag is not None:
         raise ValueError("density: expected a number above zero with lag states, found 0")
     wanted = [choice("outputs", key, OUTPUTS) for key in sequence("outputs", outputs)]
@@ -186,7 +195,7 @@ def wing_model(
     u = Layout(tuple(Part(key, 1, "rad") for key in inputs))
     p = Layout(
         (
-            *(Part(key, 1, _UNITS[key]) for key in flight),
+            *(Part(key, 1, _UNITS[key], _LEAST.get(key, -np.inf)) for key in flight),
             *(Part(key, symbol.numel(), "SI") for key, symbol in design.items()),
         )
     )
@@ -211,6 +220,8 @@ def wing_model(
 
 
 _UNITS = {"airspeed": "m/s", "pitch": "rad", "gust": "m/s"}
+#: The strips, and their lag, are those of a stream that meets the leading edge.
+_LEAST = {"airspeed": 0.0}
 
 
 def _design(parameters: Mapping[str, ca.MX] | None, taken: set[str]) -> dict[str, ca.MX]:
@@ -223,6 +234,8 @@ def _design(parameters: Mapping[str, ca.MX] | None, taken: set[str]) -> dict[str
             )
         if key in taken or key in ("q", "q_dot", "q_ddot", "lag"):
             raise ValueError(f"parameters: expected a name of its own, found {key!r}")
+        function_name("name in parameters", key)
+    refuse_repeated("parameters", design)
     return design
 
 

@@ -188,7 +188,7 @@ class Scenario:
     @property
     def model(self) -> ControlModel:
         """The wing as a control model; its inputs are the factors of the timed loads."""
-        names = [f"factor_{k}" for k in range(1, len(self.timed) + 1)]
+        names = [f"load_{k}_factor" for k in range(1, len(self.timed) + 1)]
         symbols = {name: ca.MX.sym(name) for name in names}
         pairs = zip(self.timed, symbols.values(), strict=True)
         loads = [*self.loads, *(timed.scaled(factor) for timed, factor in pairs)]
@@ -287,11 +287,20 @@ def load_scenario(path: str | Path, **changes: Any) -> Scenario:
     )
 
 
+#: Samples of a motion; more are a duration in another unit.
+MOST_SAMPLES = 1_000_000
+
+
 def _times(table: toml.Table, duration: float, interval: float) -> Array:
     """Multiples of the interval, and the end."""
     if interval > duration:
         raise table.error(
             f"interval: expected no more than the duration of {duration:g} s, found {interval:g}"
+        )
+    if duration > MOST_SAMPLES * interval:
+        raise table.error(
+            f"duration: expected at most {MOST_SAMPLES} intervals of {interval:g} s, found "
+            f"{duration:g} s"
         )
     whole = np.arange(int(np.floor(duration / interval * (1 + 1e-12))) + 1) * interval
     if duration - whole[-1] > 1e-9 * duration:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from math import isfinite, pi
 from typing import Any, Literal, TypeAlias, TypeVar
@@ -87,6 +87,11 @@ def numbers(name: str, value: Number) -> Array:
     if not np.all(np.isfinite(array)):
         raise ValueError(f"{name}: expected finite numbers, found {array.tolist()}")
     return array
+
+
+def number(name: str, value: Number) -> float:
+    """`value`, one finite number."""
+    return float(expression(name, numeric(name, value), (1, 1)))
 
 
 def positive(name: str, value: Number, *, zero: bool = False) -> Number:
@@ -279,8 +284,15 @@ def instance(name: str, value: Any, kind: type) -> Any:
     return value
 
 
+def optional(name: str, value: Any, kind: type) -> Any:
+    """`value`, an instance of `kind` or None."""
+    return None if value is None else instance(name, value, kind)
+
+
 def sequence(name: str, values: Any) -> tuple[Any, ...]:
-    """`values`, a sequence, as a tuple."""
+    """`values`, a sequence, as a tuple; a text is none, though Python iterates over its letters."""
+    if isinstance(values, (str, bytes)):
+        raise ValueError(f"{name}: expected a sequence, found {values!r}; write [{values!r}]")
     try:
         return tuple(values)
     except TypeError:
@@ -295,6 +307,18 @@ def function_name(name: str, value: Any) -> str:
             f"found {value!r}"
         )
     return value
+
+
+def refuse_repeated(name: str, symbols: Mapping[str, Any]) -> None:
+    """Refuse a symbol that stands under two names."""
+    by_node: dict[int, str] = {}
+    for key, symbol in symbols.items():
+        other = by_node.setdefault(symbol.__hash__(), key)
+        if other != key:
+            raise ValueError(
+                f"{name}: expected a symbol of its own under each name, found {symbol} under "
+                f"{other!r} and {key!r}"
+            )
 
 
 def same_kind(**values: Number) -> type:

@@ -26,8 +26,8 @@ class Record:
         ValueError
             If the file is no record, or that of another function or of other cases.
         """
-        database = sqlite3.connect(path)
         try:
+            database = sqlite3.connect(path)
             with database:
                 database.execute("CREATE TABLE IF NOT EXISTS sweep (what TEXT, digest TEXT)")
                 database.execute(

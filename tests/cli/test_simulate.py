@@ -87,7 +87,7 @@ def test_the_motion_is_that_of_simulate(run):
     )
     for k in range(3):
         assert_allclose(found[f"q{k}"], expected.part("q")[k], rtol=1e-9, atol=1e-12)
-    assert_allclose(found["u_factor_10"], [0, 2, 2, 2])
+    assert_allclose(found["u_load_1_factor0"], [0, 2, 2, 2])
     assert_allclose(found["y_root_force2"], expected.part("root_force")[2], rtol=1e-9)
 
 

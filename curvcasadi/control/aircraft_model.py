@@ -26,6 +26,7 @@ from curvcasadi.aircraft.free_air import FreeAir
 from curvcasadi.aircraft.free_flight import STANDARD_GRAVITY, free_momenta
 from curvcasadi.aircraft.free_motion import offsets_of
 from curvcasadi.aircraft.parts import Aircraft
+from curvcasadi.beam.along import scalar
 from curvcasadi.control.bending import element_angles
 from curvcasadi.control.flight_outputs import Chosen, chosen, flight_outputs, output_names
 from curvcasadi.control.model import ControlModel, SecondOrder
@@ -39,6 +40,7 @@ from curvcasadi.symbolic.expressions import (
     function_name,
     instance,
     number,
+    numeric,
     optional,
     positive,
     sequence,
@@ -224,7 +226,7 @@ def _gusts(gust: Gust, entry: GustEntry) -> _Gusts:
             "gust: expected a GustEntry, a GustField or a function of time such as OneMinusCosine, "
             f"found {gust!r}"
         )
-    return _Gusts(entry, time, lambda position, p: ca.vertcat(0, 0, -gust(p)))
+    return _Gusts(entry, time, lambda position, p: ca.vertcat(0, 0, -scalar("gust", gust(p))))
 
 
 def _spans(
@@ -243,7 +245,7 @@ def _spans(
 def _air(
     density: float, lag: IndicialLag | None, gusts: _Gusts, induced_flow: LiftingLine | None
 ) -> FreeAir | None:
-    rho = float(positive("density", density, zero=True))
+    rho = float(positive("density", numeric("density", density), zero=True))
     if rho > 0:
         return FreeAir(density=rho, lag=lag, entry=gusts.entry, induced_flow=induced_flow)
     if gusts.entry is not None or induced_flow is not None or lag not in (LAG, None):

@@ -62,7 +62,9 @@ def increasing(name: str, times: Number, what: str = "times, s") -> Array:
         raise ValueError(f"{name}: expected a list of {what}, found shape {grid.shape}")
     grid = grid.ravel()
     if grid.size < 2:
-        raise ValueError(f"{name}: expected at least two {what.partition(',')[0]}, found {grid.size}")
+        raise ValueError(
+            f"{name}: expected at least two {what.partition(',')[0]}, found {grid.size}"
+        )
     behind = np.flatnonzero(np.diff(grid) <= 0)
     if behind.size:
         k = int(behind[0])

@@ -283,6 +283,8 @@ def test_equilibrium_in_a_stream_is_differentiable_by_its_speed(wing):
         ),
         (lambda: ControlSurface(name="flap", lift=1, start=0.5, end=0.4), "ControlSurface.end"),
         (lambda: ExponentialTipLoss(decay=-1), "ExponentialTipLoss.decay"),
+        (lambda: replace(STRIPS, suction=1.5), "StripAerodynamics.suction: expected .* 0 to 1"),
+        (lambda: replace(STRIPS, profile_drag=-0.01), "StripAerodynamics.profile_drag: .* -0.01"),
         (
             lambda: AerodynamicLoad(strips=STRIPS, flow=FLOW, deflections={"rudder": 1}),
             "found 'rudder'",

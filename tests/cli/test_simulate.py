@@ -155,6 +155,7 @@ def test_what_was_reached_is_written_and_limits_are_named(run):
         ("[simulation]\nduration = 0.0", r"duration: expected a time above zero, s, found 0"),
         (MOTION + "step = -1.0", r"step: expected a time above zero, s, found -1"),
         (MOTION.replace("0.1", "1.0"), r"interval: expected no more than the duration of 0.25 s"),
+        (MOTION.replace("0.25", "1e9"), r"duration: expected at most 1000000 intervals of"),
         (MOTION + "start = [0.1]", r"start: expected 3 numbers \(torsion: .*found 1"),
         (MOTION + "start = [0, 9, 9]", r"start: expected every element to turn at most"),
         (MOTION + 'start = "bent"', r"start: expected one of unloaded, equilibrium, found 'bent'"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -19,6 +20,13 @@ def aircraft():
     body = cc.RigidBody(mass=50.0, center_of_mass=[0.1, 0, 0.2], inertia=np.diag([40.0, 30, 50]))
     wing = cc.Wing(name="right", beam=right)
     return cc.Aircraft(body=body, beams=(wing, cc.mirror_wing(wing, "left")))
+
+
+@pytest.fixture(scope="module")
+def flying(aircraft):
+    strips = cc.StripAerodynamics(chord=1.0, aerodynamic_center=0.25, lift_slope=6.0, stations=3)
+    wing = replace(aircraft.beams[0], strips=strips)
+    return replace(aircraft, beams=(wing, cc.mirror_wing(wing, "left")))
 
 
 @pytest.fixture(scope="module")
@@ -91,3 +99,31 @@ def test_the_variational_rule_needs_momenta():
     beam = cc.beam_model(hale_wing(torsion=1, out_of_plane=1, in_plane=1))
     with pytest.raises(ValueError, match=r"'variational' needs a model with momenta, .*'beam'"):
         cc.simulate(beam, {}, [0, 1], method="variational")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"gravity": np.nan}, "gravity: expected finite numbers, found nan"),
+        ({"lag": 3}, "lag: expected an IndicialLag, found 3"),
+        ({"entry": 3}, "entry: expected a GustEntry, found 3"),
+        ({"gust": lambda t: [1.0, 2.0]}, r"gust: expected shape \(1, 1\), found \(2, 1\)"),
+        ({"gust": lambda t: np.nan}, "gust: expected finite numbers"),
+        ({"density": ca.MX.sym("density")}, "density: expected numbers, found the symbol density"),
+    ],
+)
+def test_wrong_air_and_gravity_are_named(flying, changes, message):
+    with pytest.raises(ValueError, match=message):
+        cc.aircraft_model(flying, **{"density": 1.0, "outputs": ("height",), **changes})
+
+
+def test_a_gust_in_time_comes_without_being_told_the_time(flying):
+    gust = cc.OneMinusCosine(amplitude=5.0, duration=0.05)
+    model = cc.aircraft_model(flying, density=1.0, lag=None, gust=gust, outputs=("height",))
+    start = {"twist": [0, 0, 0, 20.0, 0, 0]}
+    times, options = [0.0, 0.02, 0.04], {"method": "implicit_midpoint", "dt": 0.01}
+    found = cc.simulate(model, start, times, **options)
+    told = cc.simulate(model, start, times, p={"time": lambda t: t}, **options)
+    frozen = cc.simulate(model, start, times, p={"time": 0.0}, **options)
+    assert_allclose(found.x, told.x, rtol=0, atol=0)
+    assert abs(found.y[0, -1] - frozen.y[0, -1]) > 1e-4  # m, higher in the gust

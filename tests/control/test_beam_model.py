@@ -212,6 +212,10 @@ def test_energy_is_kept_by_the_implicit_midpoint_rule(wing):
         ),
         ({"damping": -1.0}, r"damping: expected a time of at least zero"),
         ({"damping": np.eye(3)}, r"damping: expected a number or a matrix \(6, 6\)"),
+        ({"damping": -np.eye(6)}, r"damping: expected a matrix that takes energy out"),
+        ({"inputs": {"f g": ca.MX.sym("f")}}, r"name in inputs: expected letters"),
+        ({"inputs": dict.fromkeys("fg", ca.MX.sym("f"))}, r"of its own .* 'f' and 'g'"),
+        ({"curvature_stations": 0.5}, r"curvature_stations: expected a sequence, found 0.5"),
         ({"curvature_stations": [1.5]}, r"curvature_stations: expected a number in"),
     ],
 )

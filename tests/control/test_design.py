@@ -200,6 +200,13 @@ def test_a_nonlinear_program_takes_the_flutter_speed(model):
         (lambda f, d: cc.response_peak(d, (5.0, 1.0), "root_moment"), "omega: expected two"),
         (lambda f, d: cc.response_peak(d, (0.0, 1.0), "root_moment", 3), "entry: expected one"),
         (lambda f, d: cc.gust_peak(d, GUST, -1.0, "root_moment"), "duration: expected"),
+        (lambda f, d: cc.gust_peak(d, 3.0, 1.0, "root_moment"), "gust: expected a function"),
+        (
+            lambda f, d: cc.gust_peak(d, lambda t: np.nan, 1.0, "root_moment"),
+            r"gust\(0\): expected finite",
+        ),
+        (lambda f, d: cc.gust_peak(d, GUST, 1.0, "root_moment", 0.5), "entry: expected a whole"),
+        (lambda f, d: cc.flutter_derivatives(f, "EI"), "names: expected a sequence, found 'EI'"),
         (
             lambda f, d: cc.design_derivatives(
                 cc.linearize(f.model, {"q": [0.1] * 5}, p={"airspeed": SPEED, **NOMINAL}), ["EI"]

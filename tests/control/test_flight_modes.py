@@ -190,6 +190,13 @@ def test_a_mode_is_an_eigenvector_of_the_linear_model(model, start, modes):
         assert_allclose(left[free], 0, atol=1e-9)
 
 
+def test_the_trim_of_another_air_is_named(hale, trimmed):
+    lag = cc.IndicialLag(poles=2, modes=None)
+    denser = cc.aircraft_model(hale, density=1.5 * DENSITY, lag=lag, outputs=())
+    with pytest.warns(UserWarning, match="angle of attack is .* are density, gravity and"):
+        cc.trimmed_state(denser, trimmed)
+
+
 def test_what_is_no_trim_of_the_model_is_named(model, trimmed):
     with pytest.raises(ValueError, match="trim: expected a flight in balance"):
         cc.trimmed_state(model, replace(trimmed, trimmed=False))

@@ -83,6 +83,9 @@ def test_without_growth_there_is_no_speed(model):
         ({"speeds": [20.0, 30.0], "p": {"airspeed": 20.0}}, "p: expected parameters other"),
         ({"speeds": [20.0, 30.0], "p": {"angle": 0.1}}, "p: expected parts among"),
         ({"speeds": [20.0, np.nan]}, "speeds"),
+        ({"speeds": [20.0]}, "speeds: expected at least two airspeeds, found 1"),
+        ({"speeds": [20.0, 30.0], "p": 0.1}, "p: expected a Mapping, found 0.1"),
+        ({"speeds": [20.0, 30.0], "p": {"pitch": 4.0}}, "pitch.* 4 degrees are 0.06981 rad"),
     ],
 )
 def test_bad_input_is_named(model, arguments, message):

@@ -261,6 +261,9 @@ def test_outputs_are_those_that_are_asked_for():
         make(outputs=("root_bending",))
 
 
+GUST = cc.OneMinusCosine(amplitude=1.0, duration=1.0)
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -270,8 +273,25 @@ def test_outputs_are_those_that_are_asked_for():
         ({"induced_flow": cc.LiftingLine(panels=4)}, "UnsteadyAirload.induced_flow"),
         ({"damping": -1.0}, "damping"),
         ({"name": "2 wings"}, "name"),
+        ({"lag": 3}, "lag: expected an IndicialLag, found 3"),
+        ({"gust": GUST}, "gust: expected a GustEntry, found OneMinusCosine"),
+        ({"gravity": np.nan}, "^gravity: expected finite"),
+        ({"outputs": "root_moment"}, "outputs: expected a sequence, found 'root_moment'"),
     ],
 )
 def test_bad_input_is_named(changes, message):
     with pytest.raises(ValueError, match=message):
         make(**changes)
+
+
+def test_a_stream_from_behind_and_a_pitch_in_degrees_are_named():
+    model = make(outputs=())
+    at = np.zeros(model.x.size)
+    for p, message in (
+        ({"airspeed": -1.0}, r"p: airspeed\[0\], m/s: expected within 0 to inf, found -1"),
+        ({"airspeed": 9.0, "pitch": 3.0}, r"p: pitch\[0\], rad: .* 3 degrees are 0.05236 rad"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            cc.linearize(model, at, p=p)
+        with pytest.raises(ValueError, match=message):
+            cc.simulate(model, at, [0.0, 0.01], p=p)

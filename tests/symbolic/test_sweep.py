@@ -232,6 +232,7 @@ def test_a_client_without_dask_names_the_extra(monkeypatch):
         ({"cases": np.zeros((0, 2))}, "cases: expected at least one case, found none"),
         ({"processes": 0}, "processes: expected a whole number of at least 1"),
         ({"chunk": 1.5}, "chunk: expected a whole number of at least 1"),
+        ({"record": "/no/such/folder/record"}, "record: expected the file of a sweep, found"),
         ({"record": __file__}, "record: expected the file of a sweep, found"),
     ],
 )

@@ -103,7 +103,7 @@ def attitude_law(
     Raises
     ------
     ValueError
-        If the beam holds symbols, or a number is not above zero.
+        If the beam holds symbols, a number is not above zero, or no weight turns the station.
     """
     tau, mu = positive("time_constant", time_constant), positive("damping", damping)
     symbols = instance("beam", beam, Beam).design_symbols
@@ -113,6 +113,8 @@ def attitude_law(
     weights = _stiffness(beam)
     inverse = np.linalg.inv(weights)
     straight = body_jacobian(beam, ca.DM.zeros(n), xi).full()[:3]
+    if np.max(np.abs(straight)) <= np.finfo(float).eps * float(beam.length):
+        raise ValueError(f"xi: expected a station that the weights turn, found {xi:g}")
     compliance = np.linalg.eigvalsh(straight @ inverse @ straight.T)
 
     q, target = ca.MX.sym("q", n), ca.MX.sym("target", 3, 3)

@@ -44,6 +44,8 @@ def project_state(
     """
     instance("plant", plant, ControlModel)
     instance("model", model, ControlModel)
+    if x is None:
+        raise ValueError(f"x: expected the state of {plant.name!r}, found None")
     state = stacked("x", plant.x, x)
     known = {part.name: state[plant.x.slices[part.name]] for part in plant.x.parts}
     pieces = []

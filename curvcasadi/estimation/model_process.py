@@ -166,7 +166,7 @@ def return_times(process: ModelProcess) -> dict[str, float]:
     """Checked times of the estimated parameters, s."""
     names = [part.name for part in process.model.p.parts]
     found = {}
-    for name, value in process.estimated.items():
+    for name, value in instance("estimated", process.estimated, Mapping).items():
         choice("estimated", name, names)
         seconds = np.inf if value is None else float(numbers(f"estimated[{name!r}]", value))
         if not seconds > 0:

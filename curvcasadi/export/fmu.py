@@ -95,6 +95,8 @@ def export_fmu(
     name = function_name("model.name", model.name)
     longest = float(positive("dt", dt))
     parts = {part.name for part in model.p.parts}
+    if isinstance(inputs, str):
+        raise ValueError(f"inputs: expected a sequence of names, found {inputs!r}")
     unknown = sorted(set(inputs) - parts)
     if unknown:
         raise ValueError(f"inputs: expected parts of p among {sorted(parts)}, found {unknown}")

@@ -40,7 +40,10 @@ def export_mex(
         If names collide, a symbol is left free, or a part of a Function is no C of its own.
     """
     function_name("name", name)
-    parts = [functions] if isinstance(functions, ca.Function) else list(functions)
+    parts = list(functions) if isinstance(functions, list | tuple) else [functions]
+    for f in parts:
+        if not isinstance(f, ca.Function):
+            raise ValueError(f"functions: expected one or more casadi.Function, found {f!r}")
     names = [f.name() for f in parts]
     if not parts or len(set(names)) < len(names):
         raise ValueError(f"functions: expected Functions of different names, found {names}")

@@ -69,7 +69,7 @@ def tip_path_step_function(
     horizon : int
         Number N of stages.
     position_weight, attitude_weight, move_weight : float
-        1/m², 1/rad², m²/rad².
+        1/m², 1/rad², m²/rad². One of the first two may be zero.
     rate_bound : float or array, shape (n,), optional
         rad/(m s), of all states or of each.
     curvature_bound : float or array, shape (3,), optional
@@ -119,6 +119,8 @@ def tip_path_step_function(
     if damping is None:
         largest = max(float(weights[0]), float(weights[1]))
         damping = 0.0 if solving.iterations is None else DAMPING * largest
+    if not any(float(weight) for weight in weights[:2]):
+        raise ValueError("position_weight, attitude_weight: expected one above zero, found none")
     weights.append(numeric("damping", positive("damping", damping, zero=True)))
     limits = _Limits(model, rate_bound, curvature_bound)
     described = _stages(name, model, dt, stages, limits, weights)

@@ -39,6 +39,8 @@ _STRETCH = {"hpipm": 1e4}
 ARMIJO = 1e-4
 #: Penalty of violations over the largest multiplier.
 PENALTY = 1.5
+#: Limits that solvers of CasADi take for finite ones.
+_FAR = 1e300
 #: Factor of the damping where a step was too long, and divisor where it was not; the least that
 #: counts, over the largest entry of the Hessian at rest.
 DAMPING, LEAST_DAMPING = 4.0, 1e-7
@@ -188,7 +190,10 @@ class GaussNewton:
         At = ca.MX.sym("At", slopes)
         lower, upper = ca.MX.sym("lower", n + m), ca.MX.sym("upper", n + m)
         full = ca.densify(ca.triu2symm(H))
-        sides = {"lbx": lower[:n], "ubx": upper[:n], "lba": lower[n:], "uba": upper[n:]}
+        # Solvers of CasADi raise for NaN. fmin and fmax overlook it: no limit is there then, and
+        # the certificate, which is NaN, says that the program was none.
+        low, high = ca.fmin(ca.fmax(lower, -np.inf), _FAR), ca.fmax(ca.fmin(upper, np.inf), -_FAR)
+        sides = {"lbx": low[:n], "ubx": high[:n], "lba": low[n:], "uba": high[n:]}
         found = solve(h=full, g=g, a=At.T, **sides)
         return ca.Function(
             f"{self.name}_program",

@@ -11,7 +11,14 @@ from curvcasadi.solvers.gauss_newton import GaussNewton, Solution
 from curvcasadi.symbolic.derivatives import with_jacobian
 
 _QUIET = {"print_time": False, "error_on_fail": False}
-_IPOPT = {"print_level": 0, "sb": "yes", "tol": 1e-10, "acceptable_iter": 0}
+#: Bounds that are relaxed leave multipliers where the certificate finds none reached.
+_IPOPT = {
+    "print_level": 0,
+    "sb": "yes",
+    "tol": 1e-12,
+    "acceptable_iter": 0,
+    "bound_relax_factor": 0.0,
+}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

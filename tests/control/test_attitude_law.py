@@ -175,6 +175,11 @@ def test_the_law_becomes_c(law, tmp_path):
     assert run_check(tmp_path)["attitude_law"] < 1e-10
 
 
+def test_a_station_that_no_weight_turns_is_refused(beam):
+    with pytest.raises(ValueError, match="xi: expected a station that the weights turn, found 0"):
+        cc.attitude_law(beam, time_constant=0.5, xi=0.0)
+
+
 @pytest.mark.parametrize("field", ["time_constant", "damping"])
 def test_numbers_are_above_zero(beam, field):
     with pytest.raises(ValueError, match=field):

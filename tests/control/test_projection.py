@@ -59,6 +59,8 @@ def test_poles_that_the_plant_has_not_are_interpolated():
 
 
 def test_a_model_with_states_that_the_plant_has_not_is_refused():
+    with pytest.raises(ValueError, match="x: expected the state of 'wing', found None"):
+        cc.project_state(COARSE, None, COARSE)
     entry = model((2, 3, 0), cc.IndicialLag(poles=2, modes=3), cc.GustEntry(kind="lag", modes=1))
     with pytest.raises(ValueError, match="plant: expected the entry into a gust in 'lag'"):
         cc.project_state(COARSE, np.zeros(COARSE.x.size), entry)

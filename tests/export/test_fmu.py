@@ -171,6 +171,7 @@ def test_wrong_arguments_are_refused(pendulum, tmp_path):
         ({"method": "euler"}, "method: expected"),
         ({"inputs": ["gust"]}, r"inputs: expected parts of p among \['gravity'\]"),
         ({"x0": {"lag": [1, 2]}}, "x0"),
+        ({"inputs": "gust"}, r"inputs: expected a sequence of names, found 'gust'"),
         ({"compiler": "no-such-compiler"}, None),
     ):
         with pytest.raises((ValueError, FileNotFoundError), match=message):

@@ -44,6 +44,9 @@ def test_what_is_no_c_is_refused(tmp_path):
     f = ca.Function("f", [x], [ca.sumsqr(x)])
     with pytest.raises(ValueError, match=r"Functions of different names, found \['f', 'f'\]"):
         cc.export_mex([f, f], tmp_path)
+    for other in (None, "f", [f, 1]):
+        with pytest.raises(ValueError, match="functions: expected one or more casadi"):
+            cc.export_mex(other, tmp_path)
     open_function = ca.Function("g", [x], [x * free], {"allow_free": True})
     with pytest.raises(ValueError, match="'g' has free symbols"):
         cc.export_mex(open_function, tmp_path)

@@ -196,7 +196,7 @@ def test_a_state_beyond_its_bounds_is_answered_with_a_usable_input():
     mpc = tip_control(bounds={"curvature": (-0.01, 0.01)}, u_trim=np.full(5, 0.002))
     step = mpc.step(np.array([0.0, 0.0, -0.1, 0.0, 0.0]), reference=GOAL)
     assert not step.success
-    assert "not converged" in step.message and "trimmed" in step.message
+    assert "no plan within the bounds" in step.message and "trimmed" in step.message
     assert_allclose(step.u, np.full(5, 0.002))
     # It recovers by itself.
     assert mpc.step(np.zeros(5), reference=GOAL).success
@@ -394,13 +394,108 @@ def test_a_loop_with_lost_and_bad_samples_has_a_usable_input_at_each_step():
         ({"solver": "newton"}, "solver: expected one of 'rti', 'sqp', 'ipopt'"),
         ({"qp_solver": "mine"}, "qp_solver: expected one of 'own', 'hpipm'"),
         ({"u_trim": np.full(5, 0.5)}, r"u_trim: q_command\[0\], rad/m: expected within -0.1"),
+        ({"blocks": 4}, "blocks: expected an Iterable, found 4"),
         ({"scales": {"flap": 1.0}}, "scales: expected names among q_command, found 'flap'"),
+        ({"scales": {"q_command": 1e4}}, r"scales\['q_command'\]: expected the size of an input"),
     ],
     ids=lambda value: str(value)[:40],
 )
 def test_contradictions_are_named(options, message):
     with pytest.raises(ValueError, match=message):
         tip_control(**options)
+
+
+def test_a_state_that_is_lost_is_not_taken_for_rest():
+    with pytest.raises(ValueError, match=r"x: expected the state \(q .*found None"):
+        tip_control().step(None)
+
+
+#: How far bounds may be that only stand for none, and ranges that are narrow by rounding.
+FAR, NARROW = 1e12, 1e-12
+
+
+@pytest.mark.parametrize("solver", ["rti", "sqp", "ipopt"])
+@pytest.mark.parametrize("far", [1.0, 1e3, 1e6, FAR])
+def test_bounds_far_away_leave_the_near_one_as_it_is(solver, far):
+    bounds = {"load": ([-far, -far], [0.02, far])}
+    mpc = cc.Mpc(
+        MASS, dt=DT, horizon=4, outputs={"load": 1.0}, inputs={"force": 1e-3}, bounds=bounds,
+        solver=solver, compiled=False,
+    )  # fmt: skip
+    step = mpc.step([0.0, 0.0], reference={"load": [0.5, 0.0]})
+    assert step.success
+    ends = zip(step.states.T[1:], step.plan.T, strict=True)
+    loads = [MASS.output(x, u, 0).full()[0, 0] for x, u in ends]
+    assert max(loads) == pytest.approx(0.02, abs=1e-6)
+
+
+@pytest.mark.parametrize("solver", ["rti", "sqp", "ipopt"])
+def test_inputs_bounded_far_away_are_those_without_bounds(solver):
+    free = model(
+        "free_mass",
+        {
+            "x": [Part("place", 1, "m"), Part("speed", 1, "m/s")],
+            "u": [Part("force", 1, "N")],
+            "y": [Part("load", 1, "m")],
+        },
+        lambda x, u, p: ca.vertcat(x[1], u),
+        lambda x, u, p: x[0],
+    )
+    plans = [
+        cc.Mpc(
+            free, dt=DT, horizon=4, outputs={"load": 1.0}, inputs={"force": 1e-4},
+            bounds=bounds, solver=solver, compiled=False,
+        ).step([1.0, -0.5])
+        for bounds in ({}, {"force": (-FAR, FAR)}, {"force": (-FAR, 50.0)})
+    ]  # fmt: skip
+    for step in plans:
+        assert step.success
+        # A real-time iteration keeps steps short by its damping, 1e-8 of squared scaled inputs.
+        assert_allclose(step.plan, plans[0].plan, rtol=1e-3 if solver == "rti" else 1e-6)
+
+
+@pytest.mark.parametrize("solver", ["rti", "sqp"])
+def test_ranges_that_are_narrow_by_rounding_are_kept(solver):
+    mpc = cc.Mpc(
+        MASS, dt=DT, horizon=4, outputs={"load": 1.0}, solver=solver, compiled=False,
+        bounds={"force": (1.0, 1.0 + NARROW), "speed": (-10.0, 10.0)},
+    )  # fmt: skip
+    assert mpc.step([0.0, 0.0]).u == pytest.approx([1.0])
+    mpc = cc.Mpc(
+        MASS, dt=DT, horizon=2, outputs={"load": 1.0}, solver=solver, compiled=False,
+        bounds={"speed": (0.1, 0.1 + NARROW)},
+    )  # fmt: skip
+    step = mpc.step([0.0, 0.1])
+    assert step.success
+    assert_allclose(step.states[1], 0.1, rtol=1e-8)
+
+
+@pytest.mark.parametrize("bound", [(-0.02, 0.02), (0.0, 0.02)])
+def test_ipopt_ends_on_bounds_of_inputs_with_success(bound):
+    mpc = tip_control(solver="ipopt", bounds={"q_command": bound})
+    step = mpc.step(np.zeros(5), reference=GOAL)
+    assert step.success
+    assert np.any(np.isclose(step.plan, 0.02, rtol=0, atol=1e-7))
+
+
+@pytest.mark.parametrize("solver", ["rti", "sqp", "ipopt"])
+@pytest.mark.parametrize("x", [1e20, 1e154, 1e300])
+def test_a_state_from_which_the_model_leaves_the_numbers_is_answered(solver, x):
+    mpc = tip_control(solver=solver)
+    step = mpc.step(np.full(5, x), reference=GOAL)
+    assert not step.success and "trimmed" in step.message
+    assert_allclose(step.u, mpc.u_trim, rtol=0)
+    # As if there had been no such call: the plan from a measured state is the first one.
+    after, first = (control.step(np.zeros(5), reference=GOAL) for control in (mpc, tip_control()))
+    if solver == "sqp":
+        assert_allclose(after.plan, first.plan, atol=1e-6)
+
+
+def test_a_program_without_a_plan_within_its_bounds_says_so():
+    mpc = tip_control(bounds={"position": (100.0, 200.0)})
+    step = mpc.step(np.zeros(5), reference=GOAL)
+    assert not step.success
+    assert step.message.startswith("no plan within the bounds found")
 
 
 @pytest.mark.parametrize(
@@ -410,6 +505,8 @@ def test_contradictions_are_named(options, message):
         ({"reference": {"position": [1.0, 2.0]}}, r"reference\['position'\]: expected 3 numbers"),
         ({"reference": {"position": [np.inf, 0, 0]}}, r"reference\['position'\]: expected finite"),
         ({"reference": {"rotation": np.zeros((3, 3))}}, r"reference\['rotation'\]: expected ortho"),
+        ({"reference": {"rotation": np.ones(9)}}, r"reference\['rotation'\]: expected ortho"),
+        ({"reference": {"rotation": np.zeros((9, 4))}}, r"reference\['rotation'\]: expected ortho"),
         ({"preview": {"wind": 1.0}}, "preview: expected names among disturbance, found 'wind'"),
         ({"preview": {"disturbance": np.zeros((5, 2))}}, r"preview\['disturbance'\]: expected 5"),
         ({"p": np.full(5, np.nan)}, "p: expected finite numbers"),

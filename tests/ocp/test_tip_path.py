@@ -115,6 +115,23 @@ def test_the_tip_of_a_wing_of_a_single_weight_follows_its_path(iterations, bound
     assert float(result["states"][-1]) < -0.01  # towards the goal
 
 
+def test_weights_of_which_none_follows_the_path_are_refused():
+    beam = hale_wing(1, 1, 1, grid=cc.Grid.lobatto(4))
+    model = cc.kinematic_model(beam, time_constant=0.5)
+    weights = {"position_weight": 0.0, "attitude_weight": 0.0}
+    with pytest.raises(ValueError, match="position_weight, attitude_weight: expected one above"):
+        cc.tip_path_step_function(model, dt=0.1, horizon=2, **weights)
+
+
+def test_a_state_that_is_lost_shows_in_the_certificate():
+    beam = hale_wing(1, 1, 1, grid=cc.Grid.lobatto(4))
+    model = cc.kinematic_model(beam, time_constant=0.5)
+    step = cc.tip_path_step_function(model, dt=0.1, horizon=2, attitude_weight=0.0)
+    for lost in (np.nan, np.inf, 1e200):
+        found = step(x=[lost, 0, 0], p=0, u_previous=0, positions=0, guess=0)
+        assert not float(found["violation"]) <= 1
+
+
 def test_a_path_of_positions_alone_needs_no_rotations():
     beam = cc.Beam(
         length=16.0, basis=cc.ChannelBasis(out_of_plane=cc.Legendre(2)), grid=cc.Grid.uniform(8)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -36,6 +36,10 @@ _SOLVERS = ("rti", "sqp", "ipopt")
 _QP_SOLVERS = ("own", "hpipm", "qpoases", "daqp", "qrqp", "osqp", "piqp", "proxqp")
 #: Calls that are kept as examples for the self-test of exported C.
 _EXAMPLES = 4
+#: Half a range from which on it tells nothing of the size of an input.
+_UNBOUNDED = 1e10
+#: What the length of a quaternion may differ from 1.
+_LENGTH = 5e-3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -149,7 +153,8 @@ class Mpc:
         Quadratic programs at most, where it converges.
     tolerance : float, optional
         Excess of a limit, over half its range, that counts as none: 1e-6 where it converges, 1e-2
-        for a real-time iteration, whose plan meets limits that are linear only.
+        for a real-time iteration, whose plan meets limits that are linear only. Where one bound is
+        10 000 times as far as the other, over the nearer one instead.
     compiled : bool, optional
         Whether the stages are compiled to native code; models with inertia are, unless given.
     name : str
@@ -285,8 +290,7 @@ class Mpc:
         """
         if self._calls:
             return [*self._calls]
-        at_rest = stacked("x", self.model.x, None)
-        return [self._inputs(at_rest, None, {}, {})]
+        return [self._inputs({}, None, {}, {})]
 
     @property
     def descriptions(self) -> dict[str, str]:
@@ -342,7 +346,9 @@ class Mpc:
         violation, stationarity = (float(numeric[k][0, 0]) for k in ("violation", "stationarity"))
         solved = all(np.all(np.isfinite(value)) for value in numeric.values()) and stationarity <= 1
         if not solved:
-            return self.fallback(_unsolved(violation, stationarity), violation, stationarity)
+            return self.fallback(
+                _unsolved(violation, stationarity, self._solver.tolerance), violation, stationarity
+            )
         u, shifted = numeric["u"].ravel(), numeric["plan"]
         kept = violation <= 1
         if kept:
@@ -403,6 +409,8 @@ class Mpc:
         self, x: Any, p: Any, reference: Mapping[str, Number], preview: Mapping[str, Number]
     ) -> list[Array]:
         """Inputs of `function`."""
+        if x is None:
+            raise ValueError(f"x: expected the state ({_listed(self.model.x)}), found None")
         return [
             stacked("x", self.model.x, x)[:, None],
             self._parameters(p, preview),
@@ -456,7 +464,9 @@ class Mpc:
                 value = reference[part.name]
                 if penalty.is_rotation and _shape(value) == (3, 3):
                     value = rotation_matrix(name, value).full().ravel(order="F")
-                rows.append(_columns(name, part, value, self.horizon))
+                found = _columns(name, part, value, self.horizon)
+                _check_attitudes(name, penalty, found)
+                rows.append(found)
             else:
                 rows.append(np.tile(self._neutral(penalty)[:, None], self.horizon))
         return np.concatenate([np.zeros((0, self.horizon)), *rows])
@@ -475,18 +485,25 @@ def _hold(blocks: Sequence[int] | None, horizon: int) -> tuple[int, ...]:
     """Index of the unknown input of each stage."""
     if blocks is None:
         return tuple(range(horizon))
-    lengths = [count("blocks", length) for length in blocks]
+    lengths = [count("blocks", length) for length in instance("blocks", blocks, Iterable)]
     if sum(lengths) != horizon:
         raise ValueError(f"blocks: expected lengths of sum {horizon}, the horizon, found {blocks}")
     return tuple(i for i, length in enumerate(lengths) for _ in range(length))
 
 
 def _scales(layout: Layout, scales: Mapping[str, float], lower: Array, upper: Array) -> Array:
-    half = (upper - lower) / 2
-    found = np.where(np.isfinite(half) & (half > 0), half, 1.0)
+    half = terms.sizes(lower, upper)
+    found = np.where((half > 0) & (half < _UNBOUNDED), half, 1.0)
     for key, value in instance("scales", scales, Mapping).items():
         _known("scales", layout.parts, key)
-        found[layout.slices[key]] = positive(f"scales[{key!r}]", value)
+        rows, scale = layout.slices[key], float(positive(f"scales[{key!r}]", value))
+        least = np.min(half[rows], where=half[rows] > 0, initial=np.inf)
+        if scale > terms.WIDE * least:
+            raise ValueError(
+                f"scales[{key!r}]: expected the size of an input with half the range {least:g}, "
+                f"found {scale:g}"
+            )
+        found[rows] = scale
     return found
 
 
@@ -520,7 +537,24 @@ def _columns(name: str, part: Part, value: Number, n: int) -> Array:
     )
 
 
-def _unsolved(violation: float, stationarity: float) -> str:
+def _check_attitudes(name: str, penalty: terms.Penalty, columns: Array) -> None:
+    """Refuse columns of rotations that are none, and quaternions of another length than 1."""
+    if penalty.is_rotation:
+        for matrix in columns.T.reshape(-1, 3, 3):
+            rotation_matrix(name, matrix.T)
+    elif penalty.part.attitude:
+        lengths = np.linalg.norm(columns, axis=0)
+        worst = lengths[np.argmax(np.abs(lengths - 1))]
+        if abs(worst - 1) > _LENGTH:
+            raise ValueError(f"{name}: expected unit quaternions, found one of length {worst:g}")
+
+
+def _unsolved(violation: float, stationarity: float, tolerance: float) -> str:
     if not (np.isfinite(violation) and np.isfinite(stationarity)):
         return "the model leaves the numbers along the plan"
+    if violation > 1:
+        return (
+            "no plan within the bounds found: the last one tried exceeds them by "
+            f"{violation * tolerance:.2g} of half their range"
+        )
     return f"not converged: {stationarity:.2g} times the tolerance from the optimality conditions"

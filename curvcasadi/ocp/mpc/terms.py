@@ -20,6 +20,10 @@ Source = Literal["y", "x", "u", "angles", "rate"]
 
 #: Name under which the squared angles of elements, over what they may be, are bounded.
 ANGLES = "element_angles"
+#: How many times as far as the other bound a bound tells nothing of the size of a quantity.
+WIDE = 1e4
+#: Range beside the bounds' place below which it tells nothing either.
+NARROW = 1e-3
 #: Outputs with this word in their name are rotation matrices by columns, one or several.
 _ROTATION = "rotation"
 
@@ -87,13 +91,28 @@ class Limit:
 
     @property
     def unit(self) -> float:
-        """Size of what is bounded: half the narrowest range, or the largest of one-sided bounds."""
-        both = self.upper - self.lower
-        if np.any(np.isfinite(both) & (both > 0)):
-            return float(np.min(both[np.isfinite(both) & (both > 0)])) / 2
+        """Size of what is bounded: that of the narrowest range, or the largest of lone bounds."""
+        ranges = sizes(self.lower, self.upper)
+        if np.any(ranges > 0):
+            return float(np.min(ranges[ranges > 0]))
         ends = np.abs(np.concatenate([self.lower, self.upper]))
         largest = float(np.max(ends[np.isfinite(ends)]))
         return largest if largest > 0 else 1.0
+
+
+def sizes(lower: Array, upper: Array) -> Array:
+    """Sizes of what lies between bounds: half their range; 0 where that is none.
+
+    A bound that is `WIDE` times as far as the other is one in name only: the size is that of the
+    nearer one. Beside its place no range is narrower than `NARROW`, as rounding is none.
+    """
+    found = np.zeros(lower.size)
+    for i, (low, high) in enumerate(zip(lower, upper, strict=True)):
+        nearer, farther = sorted((abs(low), abs(high)))
+        if high > low and np.isfinite(farther):
+            named = 0 < nearer < farther / WIDE
+            found[i] = nearer if named else max((high - low) / 2, NARROW * farther)
+    return found
 
 
 def is_rotation(part: Part) -> bool:

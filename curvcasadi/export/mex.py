@@ -40,10 +40,12 @@ def export_mex(
         If names collide, a symbol is left free, or a part of a Function is no C of its own.
     """
     function_name("name", name)
-    parts = list(functions) if isinstance(functions, list | tuple) else [functions]
-    for f in parts:
+    given = functions if isinstance(functions, list | tuple) else [functions]
+    parts: list[ca.Function] = []
+    for f in given:
         if not isinstance(f, ca.Function):
             raise ValueError(f"functions: expected one or more casadi.Function, found {f!r}")
+        parts.append(f)
     names = [f.name() for f in parts]
     if not parts or len(set(names)) < len(names):
         raise ValueError(f"functions: expected Functions of different names, found {names}")

@@ -405,6 +405,26 @@ def test_contradictions_are_named(options, message):
         tip_control(**options)
 
 
+def test_attitudes_are_checked_by_the_name_of_the_argument():
+    fields = {"dt": DT, "horizon": 2, "states": {"attitude": 1.0}, "inputs": {"torque": 1.0}}
+    with pytest.raises(ValueError, match="rate_bounds: expected a part that is no attitude"):
+        cc.Mpc(BODY, rate_bounds={"attitude": 1.0}, **fields)
+    mpc, x = cc.Mpc(BODY, **fields), {"rate": np.zeros(3)}
+    for wrong in (np.zeros(4), [2.0, 0, 0, 0], np.zeros((4, 2))):
+        with pytest.raises(ValueError, match=r"reference\['attitude'\]: expected unit quaternions"):
+            mpc.step(x, reference={"attitude": wrong})
+
+
+def test_a_name_of_a_state_and_an_output_is_ambiguous():
+    parts = {key: [Part("place", 1, "m")] for key in "xy"} | {"u": [Part("speed", 1, "m/s")]}
+    twice = model("twice", parts, lambda x, u, p: u, lambda x, u, p: 10 * x)
+    fields = {"dt": DT, "horizon": 2, "outputs": {"place": 1.0}}
+    with pytest.raises(ValueError, match="bounds: expected a name of one part, found 'place'"):
+        cc.Mpc(twice, bounds={"place": (-1, 1)}, **fields)
+    with pytest.raises(ValueError, match="states: expected other names than those of outputs"):
+        cc.Mpc(twice, states={"place": 1.0}, **fields)
+
+
 def test_a_state_that_is_lost_is_not_taken_for_rest():
     with pytest.raises(ValueError, match=r"x: expected the state \(q .*found None"):
         tip_control().step(None)

@@ -32,7 +32,8 @@ def run_ekf(
         The result of `ShapeEkf.initial`, or an estimate to go on from.
     samples : iterable of tuple
         Tuples (time, measured) or (time, measured, inputs): the time, s; readings (m,) as in
-        `ekf.channels`, NaN where there is no sample; and "rate" and the `root_inputs` by name.
+        `ekf.channels`, NaN where there is no sample; and by name "rate", the `root_inputs`, and
+        of a filter on a control model "u" and "p", arrays, where the model has them.
         Times may repeat.
 
     Returns

@@ -217,6 +217,9 @@ class Mpc:
             *terms.penalties("outputs", "y", model.y, outputs or {}),
             *terms.penalties("states", "x", model.x, states or {}),
         )
+        weighed = [penalty.part.name for penalty in penalties]
+        if len(set(weighed)) < len(weighed):
+            raise ValueError(f"states: expected other names than those of outputs, found {weighed}")
         if not penalties:
             raise ValueError(
                 "outputs: expected a weight above zero of an output "
@@ -318,7 +321,7 @@ class Mpc:
         Parameters
         ----------
         x : array, shape (nx,), or mapping of str to array
-            State.
+            State. Parts that a mapping leaves out are zero, attitudes the identity.
         p : array, shape (np,), or mapping of str to array, optional
             Parameters over the whole horizon; zero unless given.
         reference : mapping of str to array, optional

@@ -174,6 +174,12 @@ def limits(model: ControlModel, bounds: Any, rates: Any, soft: Any) -> tuple[Lim
     given |= {ANGLES: (-np.inf, 1.0)} if model.angles else {}
     for key in _mapping("bounds", bounds):
         _one_of("bounds", key, names)
+        owners = [layout for layout in (model.x, model.y, model.u) if key in layout.slices]
+        if len(owners) > 1:
+            raise ValueError(
+                f"bounds: expected a name of one part, found {key!r}, of which the model "
+                f"{model.name!r} has {len(owners)}"
+            )
     given |= {key: value for key, value in bounds.items() if key not in inputs}
     weights = _soft(soft, given, inputs, bounds)
     found = []
@@ -184,7 +190,7 @@ def limits(model: ControlModel, bounds: Any, rates: Any, soft: Any) -> tuple[Lim
         if key in known:
             source, layout = known[key]
             size, start = _part(layout, key).size, layout.slices[key].start
-            _refuse_attitude(key, _part(layout, key), source)
+            _refuse_attitude("bounds", key, _part(layout, key), source)
         lower, upper = two_sides(f"bounds[{key!r}]", pair, size)
         rows = np.flatnonzero(np.isfinite(lower) | np.isfinite(upper))
         if rows.size:
@@ -275,7 +281,7 @@ def _state_rates(model: ControlModel, rates: Any, inputs: set[str]) -> list[Limi
         _one_of("rate_bounds", key, [*sorted(inputs), *states])
         if key not in inputs:
             part = _part(model.x, key)
-            _refuse_attitude(key, part, "x")
+            _refuse_attitude("rate_bounds", key, part, "x")
             lower, upper = _rate("rate_bounds", part, value)
             rows = np.flatnonzero(np.isfinite(lower) | np.isfinite(upper))
             if rows.size:
@@ -304,10 +310,11 @@ def _rate(name: str, part: Part, value: Any) -> tuple[Array, Array]:
     return lower, upper
 
 
-def _refuse_attitude(key: str, part: Part, source: str) -> None:
+def _refuse_attitude(name: str, key: str, part: Part, source: str) -> None:
     if part.attitude or (source == "y" and is_rotation(part)):
         raise ValueError(
-            f"bounds: expected a part that is no attitude, found {key!r}; bound its rates instead"
+            f"{name}: expected a part that is no attitude, found {key!r}; bound angular rates, "
+            "a part of their own, instead"
         )
 
 

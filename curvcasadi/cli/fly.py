@@ -19,6 +19,7 @@ from curvcasadi.control.trimmed_state import trimmed_state
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.files import write_simulation
 from curvcasadi.files.aircraft import read_aircraft, read_density
+from curvcasadi.files.scenario import MOST_SAMPLES
 from curvcasadi.files.toml_reader import load_table
 from curvcasadi.symbolic.expressions import AnyExpr
 
@@ -93,6 +94,11 @@ def run(arguments: argparse.Namespace) -> int:
     )
     model = aircraft_model(aircraft, density=density, gravity=arguments.gravity, gust=gust)
     x, u = trimmed_state(model, start)
+    if arguments.duration > MOST_SAMPLES * arguments.interval:
+        raise ValueError(
+            f"--duration: expected at most {MOST_SAMPLES} intervals of {arguments.interval:g} s, "
+            f"found {arguments.duration:g} s"
+        )
     times = np.arange(0, arguments.duration + arguments.interval / 2, arguments.interval)
     failure = None
     try:

@@ -19,6 +19,7 @@ from curvcasadi.beam.section import COUPLINGS, RIGIDITIES
 from curvcasadi.control.model import ControlModel
 from curvcasadi.control.steady import SteadyStates
 from curvcasadi.control.step import rk4_step
+from curvcasadi.control.steppers import highest_frequency
 from curvcasadi.control.wing_model import wing_model
 from curvcasadi.files import toml_reader as toml
 from curvcasadi.files.toml_reader import Key, Keys
@@ -70,6 +71,8 @@ SIMULATION = Keys(
 CASE_COLUMNS = ("airspeed", "gust_length", "gust_amplitude", "stiffness_factor", "mass_factor")
 _MEASURED = ("tip_up", "root_moment_x", "root_moment_y", "root_moment_z")
 RESULT_COLUMNS = tuple(f"{name}_{end}" for name in _MEASURED for end in ("largest", "smallest"))
+#: Steps of a motion; more are a duration in another unit.
+MOST_STEPS = 1_000_000
 _DIVERGED = "the motion left the numbers: use a smaller step, or the wing is unstable"
 
 
@@ -137,6 +140,7 @@ class GustStudy:
         values = {"airspeed": speed, "pitch": np.full(len(table), self.pitch), "gust": 0 * speed}
         p = np.stack([values[part.name] for part in model.p.parts], axis=1)
         gust, u = model.p.slices["gust"].start, np.zeros(model.u.size)
+        self._refuse_unstable(model, p[0])
         x = self._steady(model, u, p)
         largest = smallest = output(x, u, p)
         for k in range(round(self.duration / self.step)):
@@ -151,6 +155,16 @@ class GustStudy:
         for i in range(3, 6):
             columns += [largest[:, i], smallest[:, i]]
         return np.stack(columns, axis=1)
+
+    def _refuse_unstable(self, model: ControlModel, p: Array) -> None:
+        """Refuse steps with which the fastest mode grows, even if it stays among the numbers."""
+        if model.second_order is not None:
+            highest = highest_frequency(model.second_order, np.zeros(model.x.size), p)
+            if self.step * highest > 2.8:
+                raise ValueError(
+                    f"step: expected at most {2.8 / highest:.3g} s, as the highest frequency is "
+                    f"{highest:.4g} rad/s, found {self.step:g} s"
+                )
 
     def _steady(self, model: ControlModel, u: Array, p: Array) -> Array:
         """States (cases, nx) of steady flight; NaN where there is none."""
@@ -226,6 +240,11 @@ def load_study(path: str | Path) -> GustStudy:
     for key in ("density", "duration", "step"):
         if settings[key] <= 0:
             raise table.error(f"{key}: expected a number above zero, found {settings[key]}")
+    if not 1 <= settings["duration"] / settings["step"] <= MOST_STEPS:
+        raise table.error(
+            f"duration: expected 1 to {MOST_STEPS} steps of {settings['step']:g} s, found "
+            f"{settings['duration']:g} s"
+        )
     with table.owning_errors():
         IndicialLag(poles=settings.get("poles", 2), modes=settings.get("modes", 3))
     return GustStudy(wing=wing, cases=cases, **settings)

@@ -125,12 +125,14 @@ def test_the_command_writes_all_cases_and_goes_on_from_a_record(folder, capsys):
     assert capsys.readouterr().out == printed
 
 
-def test_a_motion_that_leaves_the_numbers_is_a_failed_case(folder, capsys):
+def test_steps_with_which_a_mode_grows_are_failed_cases_before_they_leave_the_numbers(
+    folder, capsys
+):
     path = folder / "coarse.toml"
-    coarse = STUDY.replace("step = 0.004", "step = 0.2").replace("0.6", "60.0")
+    coarse = STUDY.replace("step = 0.004", "step = 0.2")
     path.write_text(coarse.replace("[1.0, 1.3]", "[1.0]"))
     assert main(["sweep", str(path), "--no-progress"]) == 3
-    assert "ArithmeticError: the motion left the numbers" in capsys.readouterr().out
+    assert "ValueError: step: expected at most" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -144,6 +146,8 @@ def test_a_motion_that_leaves_the_numbers_is_a_failed_case(folder, capsys):
         ("airspeeds = [20, 24]", "airspeeds = []", r"\[cases\] airspeeds: expected numbers above"),
         ("airspeeds", "speeds", r"\[cases\] speeds: .*unknown key, nearest to airspeeds"),
         ("step = 0.004", "step = 0", r"\[simulation\] step: expected a number above zero, found 0"),
+        ("duration = 0.6", "duration = 1e9", r"duration: expected 1 to 1000000 steps of 0.004 s"),
+        ("step = 0.004", "step = 5", r"duration: expected 1 to 1000000 steps of 5 s, found 0.6"),
         ("modes = 2", "poles = 7", r"\[simulation\] poles"),
         ('"wing.toml"', '"bare.toml"', r"wing: expected a wing file with \[section\] and \[aero"),
     ],

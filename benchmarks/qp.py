@@ -321,7 +321,7 @@ def _random_wing(random: np.random.Generator, real: Any) -> cc.Beam:
     )
 
 
-def _from_rest(seed: int, real: str) -> str:
+def from_rest(seed: int, real: str) -> str:
     """Status of a shape target in reach, from weights of zero, of one wing."""
     random = np.random.default_rng([seed, 11])
     beam = _random_wing(random, real)
@@ -343,12 +343,12 @@ def _from_rest(seed: int, real: str) -> str:
     return native(np.zeros(n), position)[0]
 
 
-def wings_from_rest(count: int = 1000) -> Table:
+def wingsfrom_rest(count: int = 1000) -> Table:
     """Shape targets in reach of random wings, solved from weights of zero."""
     checks = []
     for real in KINDS:
         with ProcessPoolExecutor(2) as pool:
-            found = pool.map(_from_rest, range(count), [real] * count, chunksize=8)
+            found = pool.map(from_rest, range(count), [real] * count, chunksize=8)
             counts = Counter(tqdm(found, total=count, desc=f"wings, {real}"))
         refused = count - counts["OK"]
         checks.append(Check(what=f"{real}: wings", value=count, form="{:.0f}"))

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.solvers.embedded import EmbeddedSolver, SolverFunction
-from curvcasadi.solvers.gauss_newton import STILL, GaussNewton
+from curvcasadi.solvers.gauss_newton import DAMPING, STILL, GaussNewton
 from curvcasadi.solvers.qp import QP_TOLERANCES, qp_source
 from curvcasadi.solvers.stages import Rows, Stages
 from curvcasadi.symbolic.expressions import Real
@@ -145,7 +145,7 @@ class SolverC:
             *(problem.iterations or 0, problem.passes, problem.halvings, _changes(problem)),
             *map(_real, qp),
             *map(_real, (step, tolerances.limit, problem.flatness, problem.still)),
-            *map(_real, (problem.enough, decrement)),
+            *map(_real, (problem.enough, decrement, DAMPING * problem.first_damping)),
             int(problem.relative),
         ]
         return [*lines, _struct("gn_problem", f"{name}_problem", fields)]

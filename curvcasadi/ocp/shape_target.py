@@ -45,8 +45,12 @@ _BEND = 1e-5
 
 #: Of real-time iterations: `python -m benchmarks` shows how six wings follow a path with others.
 DAMPING = 1e-3
-#: Where it converges: more than single precision rounds.
-_LEAST_DAMPING: dict[Real, float] = {"double": 0.0, "float": 1e-6}
+#: Where it converges with weights for all targets: more than single precision rounds; in double as
+#: much as the regularization, so that full steps along directions that targets do not see halve
+#: what is left: without, those of hard cases overshoot for ever; with ten times as much all creep.
+_LEAST_DAMPING: dict[Real, float] = {"double": 1e-8, "float": 1e-6}
+#: Of its first steps, which from a straight wing end far from where the residual falls.
+_FIRST_DAMPING: dict[Real, float] = {"double": 1e-2, "float": 0.0}
 
 
 def shape_target_function(
@@ -99,8 +103,9 @@ def shape_target_function(
         Weight of ½ (q − q_guess)ᵀ W (q − q_guess) in every program, dimensionless: steps stay near
         the guess where targets hardly see. A converged shape is the same with any. Unless given it
         is 1e-3 with `iterations`, of which full steps without damping wander off where the path
-        leaves reach, and where it converges 0, or in single precision with weights for all targets
-        1e-6: with less, rounding makes programs singular whose targets do not see all weights.
+        leaves reach, and where it converges 0, or with weights for all targets 1e-8, at most the
+        regularization (in single precision 1e-6: with less, rounding makes programs singular whose
+        targets do not see all weights).
     qp_solver : str
         "own" becomes self-contained C; in Python it is CasADi's DAQP on the same numbers. Or
         another of CasADi's QP solvers, such as "qpoases", for Python alone.
@@ -127,19 +132,20 @@ def shape_target_function(
     positive("regularization", regularization)
     q = ca.MX.sym("q", beam.basis.n)
     problem = residuals(beam, targets, q)
+    is_to_be_met = len(problem.tolerances) > 0
     if damping is None:
         damping = DAMPING
         if solving.iterations is None:
-            damping = 0.0 if len(problem.tolerances) else _LEAST_DAMPING[beam.grid.real]
+            damping = 0.0 if is_to_be_met else _least_damping(beam.grid.real, regularization)
     positive("damping", damping, zero=True)
-    if solving.iterations is not None and len(problem.tolerances):
+    if solving.iterations is not None and is_to_be_met:
         raise ValueError(
             "iterations: expected None, or a weight for every target (least squares): targets to "
             "be met take several stages"
         )
     preference = regularizer_matrix(beam, regularizer)
     limits = shape_limits(beam, q, curvature_bound)
-    rounds = _STAGES[beam.grid.real] if len(problem.tolerances) else _PREFERENCE_ONLY
+    rounds = _STAGES[beam.grid.real] if is_to_be_met else _PREFERENCE_ONLY
     described = _Linearized(
         beam=beam,
         targets=targets,
@@ -162,6 +168,7 @@ def shape_target_function(
         bounds=Bounds(*beam.bounds, limits.lower, limits.upper),
         real=beam.grid.real,
         residual_unit=_residual_unit(targets) * unit**0.5,
+        first_damping=0.0 if is_to_be_met else _FIRST_DAMPING[beam.grid.real],
         enough=_ENOUGH[beam.grid.real] if len(rounds) > 1 else 0.1,
         **vars(solving),
     )
@@ -178,6 +185,12 @@ def shape_target_function(
             rounds=steps,
         ),
     )
+
+
+def _least_damping(real: Real, regularization: float) -> float:
+    """More than the regularization would slow the last steps in double precision."""
+    least = _LEAST_DAMPING[real]
+    return least if real == "float" else min(least, float(regularization))
 
 
 def _residual_unit(targets: Sequence[Target]) -> float:

@@ -92,6 +92,9 @@ class GaussNewton:
         Tolerance of gradient and idle multipliers in units of x, that of the precision unless
         given. 0 asks for what is left of the residual alone, multipliers times slack included: the
         bound of the distance to the optimum where no curvature is below one unit.
+    first_damping : float
+        Of the first steps where it converges, over the largest entry of the Hessian at rest: steps
+        along a curved valley then do not end beyond its walls. Full steps take it away.
     enough : float
         Part of their tolerances at which it converged: no more steps are taken then.
     stages : Stages or None
@@ -114,6 +117,7 @@ class GaussNewton:
     residual_unit: float | None = None
     flat: float | None = None
     stationarity: float | None = None
+    first_damping: float = 0.0
     enough: float = 0.1
     stages: Stages | None = None
     relative: bool = False
@@ -299,7 +303,8 @@ class GaussNewton:
         """State of the loop at a first point."""
         zeros = {key: ca.MX.zeros(size) for key, size in self._layout.items()}
         far = ca.MX(_FAR)
-        return self._state(**zeros | {"tried": x, "x": x, "merit": far, "distance": far})
+        first = {"damping": ca.MX(DAMPING * self.first_damping)}  # divided where x is accepted
+        return self._state(**zeros | first | {"tried": x, "x": x, "merit": far, "distance": far})
 
     @cached_property
     def loop(self) -> ca.Function:

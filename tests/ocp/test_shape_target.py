@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import curvcasadi as cc
+from benchmarks.qp import from_rest
 from curvcasadi.ocp.limits import regularizer_matrix
 from curvcasadi.reference_wings import hale_wing
 from tests.support import oracle
@@ -305,3 +306,9 @@ def test_real_time_iterations_stay_where_their_target_leaves_reach():
         worst[len(options)] = max(distances)
     assert 0.11 * (1 - 1e-3) <= worst[0] <= 0.15
     assert worst[1] > 1
+
+
+@pytest.mark.parametrize("seed", [413, 417, 545, 591, 893])
+def test_curved_valleys_are_followed_from_rest(seed):
+    """Wings on which undamped steps overshoot forever, or end far from where the residual falls."""
+    assert from_rest(seed, "double") == "OK"

@@ -40,6 +40,7 @@ typedef struct {
   qp_real stationarity;                   /* of gradient and idle multipliers; 0: not asked for */
   qp_real enough;                         /* part of tolerances at which it converged */
   qp_real decrement;                      /* of a residual; 0: not asked for */
+  qp_real first_damping;                  /* where it converges, times GN_DAMPING */
   int relative; /* whether what counts as none is relative to the Hessian */
 } gn_problem;
 
@@ -272,7 +273,7 @@ static qp_real gn_largest(int n, const qp_real *x) {
 /* Steps until the optimality conditions hold */
 static int gn_converge(gn_state *s, gn_judgement *found) {
   const gn_problem *p = s->problem;
-  qp_real shrink = 0, merit = GN_FAR, change = 0, penalty = 0, damping = 0;
+  qp_real shrink = 0, merit = GN_FAR, change = 0, penalty = 0, damping = p->first_damping;
   int i, k, halved = 0, is_first = 1, is_done = 0, failed = 0;
   qp_zero(p->n + p->m, s->lam);
   qp_zero(p->n, s->d); /* halved where the guess itself is worse than anything */

@@ -26,12 +26,18 @@ _MEASURED = re.compile(r"^measured (\w+) instructions=(\d+) stack=(\d+)$", re.M)
 
 
 def measure(
-    folder: Path, cpu: str, real: str, programs: Mapping[str, Sequence[str]]
+    folder: Path,
+    cpu: str,
+    real: str,
+    programs: Mapping[str, Sequence[str]],
+    options: Sequence[str] = (),
 ) -> dict[str, dict]:
     """Sizes, stack and instructions of `programs`, each of exported functions that it calls."""
     build = folder / cpu
     library = [
-        toolchain.compile_c(folder / f"{name}.c", build / f"{name}.o", cpu, real=real)
+        toolchain.compile_c(
+            folder / f"{name}.c", build / f"{name}.o", cpu, options=options, real=real
+        )
         for name in ("curv", "curv_functions")
     ]
     doubles = toolchain.double_symbols(library) if real == "float" else []
@@ -89,8 +95,8 @@ def measure_all(libraries: Sequence[Library], out: Path) -> dict[str, dict[str, 
             if library.together:
                 programs[library.together] = functions
             for cpu in library.cpus:
-                task = (measure, out / library.name, cpu, library.beam.grid.real, programs)
-                running[library.name, cpu] = pool.submit(*task)
+                task = (out / library.name, cpu, library.beam.grid.real, programs, library.options)
+                running[library.name, cpu] = pool.submit(measure, *task)
         return {
             f"{library}.{function}.{cpu}": numbers
             for (library, cpu), task in running.items()

@@ -144,6 +144,7 @@ BUDGETED = (
     "midpoint_64.tip_jacobian.cortex-m7",
     "bent_midpoint.tip.cortex-m7",
     "bent_magnus4.tip.cortex-m7",
+    "bent_jacobian.tip_jacobian.cortex-m4",
     "target.shape_target.cortex-m4",
     "target.shape_target_step.cortex-m4",
     "target_met.shape_target_met.cortex-m4",

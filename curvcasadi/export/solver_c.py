@@ -115,6 +115,7 @@ class SolverC:
             *(self.symbol(f) for f in (stages.error, stages.step, stages.limits)),
             *(f"{name}_{key}_{part}" for key in "abcg" for part in ("row", "col")),
             *map(_real, (stages.move_weight, stages.input_weight, stages.damping)),
+            int(stages.relative),
         ]
         return [*lines, _struct("gn_stages", f"{name}_stages", fields)]
 

@@ -45,6 +45,9 @@ class Stages:
         Weight of |u_k|².
     damping : float
         Weight of |u − guess|², for the Hessian of every program.
+    relative : bool
+        Whether the damping of an objective with a Hessian below 1 shrinks with its largest diagonal
+        entry, so that no factor of all weights changes the plan.
     hold : tuple of int
         For each stage the index of its input among the unknown ones, ascending from zero by at most
         one; empty where each stage has its own.
@@ -59,6 +62,7 @@ class Stages:
     move_weight: float
     input_weight: float = 0.0
     damping: float = 0.0
+    relative: bool = False
     hold: tuple[int, ...] = ()
     varying: bool = False
 
@@ -148,7 +152,7 @@ class Stages:
         x, last = parts[0], parts[2]
         G, before = ca.MX(self.nd, n), ca.DM(nu, n)
         f, g = self.input_weight * ca.sumsqr(inputs) / 2, self.input_weight * inputs
-        H = ca.MX((self.input_weight + self.damping) * ca.DM.eye(n))
+        H = ca.MX(self.input_weight * ca.DM.eye(n))
         values, slopes = [ca.MX(0, 1)], [ca.MX(n, 0)]
         for k, first in enumerate(i * nu for i in self.held):
             u, p = inputs[first : first + nu], self.parameter(parts, k)
@@ -169,6 +173,8 @@ class Stages:
                 g += self.move_weight * (both @ move)
                 H += self.move_weight * (both @ both.T)
             x, G, last, before = end, G_end, u, choose
+        if self.damping:
+            H += self._damping(H) * ca.DM.eye(n)
         pattern = _pattern(self.limit_rows, n)
         return linearization(
             name,
@@ -180,6 +186,13 @@ class Stages:
             ca.vertcat(*values),
             ca.project(ca.horzcat(*slopes), pattern),
         )
+
+    def _damping(self, H: ca.MX) -> ca.MX | float:
+        """What is added to the diagonal of a Hessian."""
+        if not self.relative:
+            return self.damping
+        largest = ca.mmax(ca.diag(H))
+        return self.damping * ca.if_else(largest > 0, ca.fmin(largest, 1), 1)
 
     def rollout(self, name: str) -> ca.Function:
         """(u, parameters) -> values (m, 1) of the limits, states (nx, N + 1)."""

@@ -475,6 +475,30 @@ def test_inputs_bounded_far_away_are_those_without_bounds(solver):
 
 
 @pytest.mark.parametrize("solver", ["rti", "sqp"])
+def test_a_factor_of_all_weights_changes_no_plan(solver):
+    goals = {"load": [0.2, 0.0]}
+    plans = []
+    for factor in (1.0, 1e-3, 1e-9):
+        mpc = cc.Mpc(
+            MASS, dt=DT, horizon=4, outputs={"load": factor}, inputs={"force": 1e-2 * factor},
+            solver=solver, compiled=False,
+        )  # fmt: skip
+        step = mpc.step([0.1, 0.0], reference=goals)
+        assert step.success
+        plans.append(step.plan)
+    assert_allclose(plans[1:], [plans[0]] * 2, rtol=1e-5)
+
+
+def test_small_weights_are_damped_alike_in_c(tmp_path):
+    mpc = cc.Mpc(
+        MASS, dt=DT, horizon=2, outputs={"load": 1e-9}, inputs={"force": 1e-11}, compiled=False
+    )
+    assert mpc.step([0.1, 0.0]).success
+    export_c([mpc], tmp_path)
+    run_check(tmp_path)
+
+
+@pytest.mark.parametrize("solver", ["rti", "sqp"])
 def test_ranges_that_are_narrow_by_rounding_are_kept(solver):
     mpc = cc.Mpc(
         MASS, dt=DT, horizon=4, outputs={"load": 1.0}, solver=solver, compiled=False,

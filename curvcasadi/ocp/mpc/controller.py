@@ -148,7 +148,8 @@ class Mpc:
         given, and by Newton's method, which converges over long stages.
     damping : float
         Weight of ½ |u − guess|² of scaled inputs in every program, which keeps programs convex
-        where no input has a weight, and steps short. A converged plan is the same with any.
+        where no input has a weight, and steps short. Times the largest diagonal entry of the
+        objective's Hessian where that is below 1. A converged plan is the same with any.
     max_iter : int
         Quadratic programs at most, where it converges.
     tolerance : float, optional

@@ -143,6 +143,7 @@ class MpcProblem:
             limits=outer(self._limits()),
             move_weight=0.0,
             damping=self.damping,
+            relative=True,
             hold=self.hold,
             varying=True,
         )

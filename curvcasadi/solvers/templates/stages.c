@@ -14,7 +14,8 @@ struct gn_stages {
   const short *b_row, *b_col, *c_row, *c_col;
   const short *g_row, *g_col; /* rows of G_1 ... G_N in turn */
   qp_real move, input;        /* weights of |u_k - u_(k-1)|^2, of |u_k|^2, */
-  qp_real damping;            /* and of |u - guess|^2 */
+  qp_real damping;            /* and of |u - guess|^2, */
+  int relative;               /* in units of the largest diagonal entry of h below 1 */
 };
 
 #define GN_ENTRIES(row, n) ((n) ? (row)[n] : 0)
@@ -121,7 +122,7 @@ static void gn_add_error(const gn_stages *s, int k, const qp_real *r, const qp_r
   }
 }
 
-/* The same of the inputs and their moves, and of the damping toward the guess */
+/* The same of the inputs and their moves */
 static void gn_add_inputs(const gn_stages *s, const qp_real *u, const qp_real *before, gn_point *at) {
   const int n = s->inputs * s->nu;
   int i;
@@ -129,12 +130,27 @@ static void gn_add_inputs(const gn_stages *s, const qp_real *u, const qp_real *b
     const qp_real move = u[i] - (i < s->nu ? before[i] : u[i - s->nu]);
     at->f += (s->move * move * move + s->input * u[i] * u[i]) / 2;
     at->g[i] += s->move * move + s->input * u[i];
-    at->h[QP_PACKED(i) + i] += s->move + s->input + s->damping;
+    at->h[QP_PACKED(i) + i] += s->move + s->input;
     if (i >= s->nu) {
       at->g[i - s->nu] -= s->move * move;
       at->h[QP_PACKED(i - s->nu) + i - s->nu] += s->move;
       at->h[QP_PACKED(i) + i - s->nu] -= s->move;
     }
+  }
+}
+
+/* The same of the damping toward the guess */
+static void gn_add_damping(const gn_stages *s, gn_point *at) {
+  const int n = s->inputs * s->nu;
+  qp_real largest = 0;
+  int i;
+  for (i = 0; i < n && s->relative; ++i) {
+    const qp_real entry = at->h[QP_PACKED(i) + i];
+    largest = entry > largest ? entry : largest;
+  }
+  largest = largest > 0 && largest < 1 ? largest : 1;
+  for (i = 0; i < n; ++i) {
+    at->h[QP_PACKED(i) + i] += s->damping * largest;
   }
 }
 
@@ -197,6 +213,7 @@ static int gn_condense(const gn_stages *s, const short *row, const short *col, c
     g = g_end;
     g_end = last;
   }
+  gn_add_damping(s, at);
   return failed;
 }
 

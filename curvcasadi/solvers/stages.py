@@ -192,7 +192,7 @@ class Stages:
         if not self.relative:
             return self.damping
         largest = ca.mmax(ca.diag(H))
-        return self.damping * ca.if_else(largest > 0, ca.fmin(largest, 1), 1)
+        return self.damping * (ca.fmin(largest, 1) + (largest == 0))
 
     def rollout(self, name: str) -> ca.Function:
         """(u, parameters) -> values (m, 1) of the limits, states (nx, N + 1)."""

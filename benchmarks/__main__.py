@@ -17,6 +17,7 @@ from tqdm import tqdm
 from benchmarks import (
     accuracy,
     air,
+    alleviation,
     alternatives,
     batch,
     cost,
@@ -72,6 +73,7 @@ COUNTED: tuple[Section, ...] = (
     model_estimation.recovery,
     predictive.agreement,
     predictive.endless,
+    alleviation.from_sensors,
     tracking.chosen,
     qp.programs,
     qp.steps,

@@ -28,6 +28,7 @@ def test_every_example_is_tested():
         "flutter_suppression",
         "gust_load_alleviation",
         "gust_load_alleviation_by_samples",
+        "gust_load_alleviation_from_sensors",
         "gust_load_envelope",
         "match_measured_shape",
         "modes_about_bent_shapes",
@@ -115,6 +116,23 @@ def test_gust_load_alleviation_by_samples_takes_most_of_the_load_away(tmp_path):
     assert planned < 0.1 * free
     assert sampled < 0.25 * free
     assert (tmp_path / "out" / "gust_load_alleviation_by_samples.png").exists()
+
+
+def test_gusts_are_relieved_from_sensors_on_a_wing_that_differs_from_the_model(tmp_path):
+    changes = run(
+        "gust_load_alleviation_from_sensors",
+        tmp_path,
+        MODEL={"weights": (1, 2, 1), "elements": 3, "modes": 2, "entry": 1},
+        PLANT={"weights": (2, 3, 1), "elements": 4, "modes": None, "entry": None},
+        HORIZON=10,
+        CALM=0.6,
+        END=1.6,  # the open loop is largest at 1.5 s
+        FLIGHTS=1,
+        CASES={"small flaps, estimated gust": ("small flaps", "estimated")},
+    )
+    # The requirement on the full models, each flight against its own open loop.
+    assert changes["small flaps, estimated gust"].max() < -0.2
+    assert (tmp_path / "out" / "gust_load_alleviation_from_sensors.png").exists()
 
 
 def test_monte_carlo_of_a_filter_finds_errors_as_large_as_the_filter_says(tmp_path):

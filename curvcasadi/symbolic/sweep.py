@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from curvcasadi.symbolic.batch import Batch
 from curvcasadi.symbolic.expressions import Array, count
@@ -112,6 +111,8 @@ def sweep(
     ImportError
         If there is a `client` but no dask.distributed.
     """
+    from tqdm import tqdm
+
     if not callable(function):
         raise ValueError(f"function: expected a callable, found {function!r}")
     rows = _rows(cases)

@@ -4,9 +4,10 @@
 
 Builds the functions of `codegen/faults/functions.py` for this machine, in both precisions and with
 AddressSanitizer and UndefinedBehaviorSanitizer, calls them at random inputs, ordinary and strange,
-and prints how their calls ended. Fails where one crashes or traps, writes its outputs in spite of
-a status, refuses or accepts what it should not, leaves ordinary problems unsolved, or says OK to
-a result that is not right; and where two threads on their own buffers disturb each other.
+solvers from rest and from far away, too, and prints how their calls ended. Fails where one crashes
+or traps, writes its outputs in spite of a status, refuses or accepts what it should not, leaves
+ordinary problems unsolved, or says OK to a result that is not right; and where two threads on their
+own buffers disturb each other.
 """
 
 from __future__ import annotations
@@ -42,6 +43,8 @@ STATUSES = ("OK", "INFEASIBLE", "NOT_CONVERGED", "BAD_INPUT")
 OK, BAD_INPUT = STATUSES.index("OK"), STATUSES.index("BAD_INPUT")
 CHECKED = 300  #: calls of each function and precision whose results are compared
 THREADED = 200  #: calls of each function by two threads
+USUAL, HARD = "usual", "hard"  #: starts
+HARD_CALLS = 0.2  #: of hard starts, over those of usual ones
 SECONDS = 600  #: that a program may take
 
 
@@ -50,6 +53,7 @@ class Outcome:
     """How the calls of one function ended."""
 
     case: Case
+    starts: str  #: "usual" or "hard"
     real: str
     statuses: Any  #: of every call
     checked: int  #: results that were compared
@@ -96,14 +100,15 @@ def bounds(case: Case) -> dict[str, tuple[Any, Any]]:
     return dict.fromkeys(case.weights, case.beam("double").bounds) if case.bounded else {}
 
 
-def call_all(case: Case, real: str, program: Path, calls: int, seed: int) -> Outcome:
+def call_all(
+    case: Case, real: str, program: Path, calls: int, seed: int, starts: str = USUAL
+) -> Outcome:
     """Call one function `calls` times and judge what it says."""
-    random = np.random.default_rng([seed, *case.name.encode()])
-    kinds = faulty.draw(random, calls)
-    ordinary = case.ordinary(case.beam(real), random, calls)
-    given = faulty.spoil(random, kinds, ordinary, bounds(case), REALS[real])
+    random = np.random.default_rng([seed, *case.name.encode(), *starts.encode()])
+    kinds, given = _inputs(case, real, random, calls, starts)
     every = max(1, calls // (8 * CHECKED))
-    written, results = program.with_name(f"{case.name}.in"), program.with_name(f"{case.name}.out")
+    name = f"{case.name}_{starts}"
+    written, results = program.with_name(f"{name}.in"), program.with_name(f"{name}.out")
     _write(written, given)
     begun = time.monotonic()
     said = run([str(program), case.name, str(calls), str(every), str(written), str(results)])
@@ -112,7 +117,8 @@ def call_all(case: Case, real: str, program: Path, calls: int, seed: int) -> Out
     written.unlink()
     results.unlink()
 
-    wrong = _wrong_statuses(case, real, kinds, given, statuses)
+    least = case.solved_hard if starts == HARD else case.solved
+    wrong = _wrong_statuses(case, real, kinds, given, statuses, least)
     ok = [k for k, row in enumerate(rows) if statuses[row] == OK][:CHECKED]
     for k in ok:
         of_call = {key: values[rows[k]].astype(float) for key, values in given.items()}
@@ -122,6 +128,7 @@ def call_all(case: Case, real: str, program: Path, calls: int, seed: int) -> Out
             wrong.append(f"OK, but {found} (call {rows[k]}, {kind})")
     return Outcome(
         case=case,
+        starts=starts,
         real=real,
         statuses=statuses,
         checked=len(ok),
@@ -129,6 +136,18 @@ def call_all(case: Case, real: str, program: Path, calls: int, seed: int) -> Out
         slowest=float(said),
         wrong=wrong,
     )
+
+
+def _inputs(case: Case, real: str, random: Any, calls: int, starts: str) -> tuple[Any, Any]:
+    """Kinds and inputs of the calls; none of the hard starts goes wrong otherwise."""
+    if starts == HARD:
+        assert case.hard
+        hard = case.hard(case.beam(real), random, calls)
+        given = {key: np.asarray(values, dtype=REALS[real]) for key, values in hard.items()}
+        return np.zeros(calls, dtype=int), given
+    kinds = faulty.draw(random, calls)
+    ordinary = case.ordinary(case.beam(real), random, calls)
+    return kinds, faulty.spoil(random, kinds, ordinary, bounds(case), REALS[real])
 
 
 def _write(path: Path, given: dict[str, Any]) -> None:
@@ -148,8 +167,10 @@ def _read(path: Path, case: Case, real: str, calls: int, every: int) -> tuple[An
     return text[places], rows, dict(zip(f.name_out(), values, strict=True))
 
 
-def _wrong_statuses(case: Case, real: str, kinds: Any, given: Any, statuses: Any) -> list[str]:
-    """What is refused or accepted without reason, and ordinary problems left unsolved."""
+def _wrong_statuses(
+    case: Case, real: str, kinds: Any, given: Any, statuses: Any, least: float
+) -> list[str]:
+    """What is refused or accepted without reason, and too many problems left unsolved."""
     bad, unclear = faulty.bad(given, bounds(case)), np.zeros(len(statuses), dtype=bool)
     if not case.bounded:
         turned = _angles(case.beam(real), given[case.weights[0]])
@@ -161,8 +182,8 @@ def _wrong_statuses(case: Case, real: str, kinds: Any, given: Any, statuses: Any
         if calls.size:
             wrong.append(f"{what} input {calls.size} times, first in call {calls[0]}")
     solved = np.mean(statuses[(kinds == 0) & ~bad] == OK)
-    if solved < case.solved:
-        wrong.append(f"solved {solved:.4f} of ordinary problems, expected {case.solved}")
+    if solved < least:
+        wrong.append(f"solved {solved:.4f} of such problems, expected {least}")
     if not case.exported(real).is_solver and np.any((statuses != OK) & ~refused):
         wrong.append("a map has a status of solvers")
     return wrong
@@ -213,15 +234,16 @@ def run(command: Sequence[str]) -> str:
 
 def table(outcomes: Sequence[Outcome]) -> str:
     """One line a function and precision."""
-    rows = [["function", "real", "calls", *STATUSES, "checked", "s", "slowest, ms"]]
+    rows = [["function", "starts", "real", "calls", *STATUSES, "checked", "s", "slowest, ms"]]
     for x in outcomes:
         counts = [np.sum(x.statuses == k) for k in range(len(STATUSES))]
         cells = [len(x.statuses), *counts, x.checked, round(x.seconds), round(1e3 * x.slowest)]
-        rows.append([x.case.name, x.real, *(f"{cell:,}".replace(",", " ") for cell in cells)])
+        numbers = (f"{cell:,}".replace(",", " ") for cell in cells)
+        rows.append([x.case.name, x.starts, x.real, *numbers])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return "\n".join(
         "  ".join(
-            cell.ljust(width) if i < 2 else cell.rjust(width)
+            cell.ljust(width) if i < 3 else cell.rjust(width)
             for i, (cell, width) in enumerate(zip(row, widths, strict=True))
         )
         for row in rows
@@ -237,25 +259,25 @@ def faults(out: Path, calls: float, seed: int, pool: ThreadPoolExecutor) -> tupl
         zip(REALS, pool.map(lambda r: build(r, MEMORY, out / r / "memory"), REALS), strict=True)
     )
     racing = pool.submit(build, "float", RACES, out / "float" / "races")
-    tasks = {
-        (case, real): pool.submit(
-            call_all, case, real, programs[real], max(1, round(calls * case.calls)), seed
-        )
-        for case in sorted(CASES, key=lambda case: "path" not in case.name)  # the longest first
-        for real in REALS
-    }
+    tasks = {}
+    for case in sorted(CASES, key=lambda case: "path" not in case.name):  # the longest first
+        for starts, part in [(USUAL, 1.0), *([(HARD, HARD_CALLS)] if case.hard else [])]:
+            for real in REALS:
+                count = max(1, round(calls * part * case.calls))
+                given = (case, real, programs[real], count, seed, starts)
+                tasks[case, starts, real] = pool.submit(call_all, *given)
     wrong, outcomes = [], []
-    for case in CASES:
-        for real in REALS:
-            try:
-                outcome = tasks[case, real].result()
-            except (RuntimeError, subprocess.TimeoutExpired) as error:
-                wrong.append(f"{case.name}, {real}: {error}")
-                continue
-            outcomes.append(outcome)
-            more = len(outcome.wrong) - 5
-            wrong += [f"{case.name}, {real}: {line}" for line in outcome.wrong[:5]]
-            wrong += [f"{case.name}, {real}: and {more} more"] if more > 0 else []
+    for (case, starts, real), task in tasks.items():
+        place = f"{case.name}, {starts} starts, {real}"
+        try:
+            outcome = task.result()
+        except (RuntimeError, subprocess.TimeoutExpired) as error:
+            wrong.append(f"{place}: {error}")
+            continue
+        outcomes.append(outcome)
+        more = len(outcome.wrong) - 5
+        wrong += [f"{place}: {line}" for line in outcome.wrong[:5]]
+        wrong += [f"{place}: and {more} more"] if more > 0 else []
     for case in CASES:
         try:
             call_by_threads(case, "float", racing.result())

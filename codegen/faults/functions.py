@@ -34,6 +34,9 @@ class Case:
     solved: float = 1.0
     bounded: bool = True  #: False: a beam whose weights only the angle of its elements limits
     weights: tuple[str, ...] = field(default=())
+    #: as `ordinary`: starts from rest and far away, and the part of them that must end with OK
+    hard: Callable[[cc.Beam, Any, int], Arrays] | None = None
+    solved_hard: float = 1.0
 
     def beam(self, real: str) -> cc.Beam:
         return _beam(real, self.bounded)
@@ -100,6 +103,37 @@ def path(beam: cc.Beam, random: Any, calls: int) -> Arrays:
     }
 
 
+def far_goal(beam: cc.Beam, random: Any, calls: int) -> Arrays:
+    """The tip of a strongly bent wing: from rest, and from any other shape."""
+    shape = (calls, beam.basis.n)
+    guess = random.uniform(-0.05, 0.05, shape)
+    guess[::2] = 0
+    return {"q_guess": guess, "positions": tips(beam, random.uniform(-0.06, 0.06, shape))[0]}
+
+
+def far_path(beam: cc.Beam, random: Any, calls: int) -> Arrays:
+    """Rest or nearly so, without a plan, and a pose far away."""
+    n = beam.basis.n
+    start = random.uniform(-0.005, 0.005, (calls, n))
+    start[::2] = 0
+    position, rotation = tips(beam, random.uniform(-0.03, 0.03, (calls, n)))
+    return {
+        "x": start,
+        "p": np.zeros((calls, n)),
+        "u_previous": start,
+        "positions": np.tile(position, checks.STAGES),
+        "rotations": np.tile(rotation, checks.STAGES),
+        "guess": np.zeros((calls, 2 * n * checks.STAGES)),
+    }
+
+
+def far_force(beam: cc.Beam, random: Any, calls: int) -> Arrays:
+    """The usual forces: from rest, and from shapes that these do not make."""
+    guess = random.uniform(-0.01, 0.01, (calls, beam.basis.n))
+    guess[::2] = 0
+    return {"q_guess": guess, "force": random.uniform(-30, 30, (calls, 3))}
+
+
 def force(beam: cc.Beam, random: Any, calls: int) -> Arrays:
     return {
         "q_guess": random.uniform(-1e-3, 1e-3, (calls, beam.basis.n)),
@@ -164,6 +198,8 @@ CASES = (
         build=_shape_target("shape_target", **_WEIGHTED, max_iter=40),
         ordinary=goal,
         check=checks.shape_target,
+        hard=far_goal,
+        solved_hard=0.98,
         solved=0.95,
         weights=("q_guess",),
     ),
@@ -172,6 +208,8 @@ CASES = (
         build=_shape_target("free_shape_target", **_WEIGHTED, max_iter=40),
         ordinary=goal,
         check=checks.free_shape_target,
+        hard=far_goal,
+        solved_hard=0.9,
         calls=1_000,  # 32 constraints: each takes as long as twenty others
         solved=0.95,
         bounded=False,
@@ -182,6 +220,7 @@ CASES = (
         build=_shape_target("shape_target_step", **_WEIGHTED, iterations=1, damping=0.0),
         ordinary=goal_nearby,
         check=checks.shape_target_step,
+        hard=far_goal,
         weights=("q_guess",),
     ),
     Case(
@@ -189,6 +228,7 @@ CASES = (
         build=_shape_target("shape_target_met", max_iter=20),
         ordinary=goal,
         check=checks.shape_target_met,
+        hard=far_goal,
         solved=0.98,
         weights=("q_guess",),
     ),
@@ -197,18 +237,22 @@ CASES = (
         build=_tip_path("tip_path", None),
         ordinary=path,
         check=checks.tip_path,
+        hard=far_path,
+        solved_hard=0.98,
     ),
     Case(
         name="tip_path_step",
         build=_tip_path("tip_path_step", 1),
         ordinary=path,
         check=checks.tip_path_step,
+        hard=far_path,
     ),
     Case(
         name="equilibrium",
         build=_one(benchmark.equilibrium, 0),
         ordinary=force,
         check=checks.equilibrium,
+        hard=far_force,
         weights=("q_guess",),
     ),
 )

@@ -24,6 +24,7 @@ def test_every_example_is_tested():
         "free_flying_beam",
         "flutter_of_a_bent_wing",
         "free_flight_gust",
+        "free_flight_mpc",
         "gust_response",
         "flutter_suppression",
         "gust_load_alleviation",
@@ -67,6 +68,25 @@ def test_free_flight_gust_is_softened_by_bending(tmp_path):
     assert right.argmax() < left.argmax()  # the gust is under the right wing
     assert flights["flexible"].part("twist")[0].min() < -0.1  # which rises: it rolls to the left
     assert (tmp_path / "out" / "free_flight_gust.png").exists()
+
+
+def test_free_flight_mpc_holds_height_and_root_moments(tmp_path):
+    found = run(
+        "free_flight_mpc",
+        tmp_path,
+        MODEL={"weights": (1, 1, 1), "elements": 2, "modes": 1, "entry": 1},
+        PLANT={"weights": (1, 2, 1), "elements": 2, "modes": 2, "entry": 2},
+        DT=0.1,
+        HORIZON=5,
+        END=1.2,
+        FINE=0.025,
+        COMPILED=False,  # which takes longer than these few steps
+    )
+    (free_height, free_moment), (height, moment) = found.values()
+    # The gust is at its largest at 1.25 s.
+    assert free_height > 0.1 and height < 0.5 * free_height
+    assert free_moment > 150 and moment < 0.2 * free_moment
+    assert (tmp_path / "out" / "free_flight_mpc.png").exists()
 
 
 def test_reach_tip_pose_meets_the_pose(tmp_path):

@@ -19,6 +19,7 @@ ENDLESS = {
     "ipopt.sb": "yes",
     "ipopt.max_iter": 10**6,
     "ipopt.tol": 1e-300,
+    "ipopt.acceptable_iter": 0,
     "ipopt.hessian_approximation": "limited-memory",
 }
 

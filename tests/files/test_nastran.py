@@ -2,7 +2,8 @@
 
 `reference/nastran` holds a line of grid points in mm, swept by 20°, whose displacement axes are in
 turn basic, CORD2R and CORD2C; bulk data, F06 and OP2 were written by pyNastran 1.4.1, the punch
-file to the same format. A grid point 900 lies beside the line.
+file to the same format. A grid point 900 lies beside the line. The OP2 stands there in hexadecimal
+digits.
 """
 
 import sys
@@ -29,9 +30,17 @@ def exact():
     return exact_modes(12, out_of_plane=2, twisting=1, in_plane=1)
 
 
+@pytest.fixture(scope="module")
+def op2(tmp_path_factory):
+    path = tmp_path_factory.mktemp("nastran") / "wing.op2"
+    path.write_bytes(bytes.fromhex((FILES / "wing.op2.hex").read_text()))
+    return path
+
+
 @pytest.mark.parametrize("ending", ["op2", "f06", "pch"])
-def test_eigenvectors_become_modes_in_local_axes(exact, ending):
-    modes = load_nastran_modes(BDF, FILES / f"wing.{ending}", **LINE)
+def test_eigenvectors_become_modes_in_local_axes(exact, op2, ending):
+    path = op2 if ending == "op2" else FILES / f"wing.{ending}"
+    modes = load_nastran_modes(BDF, path, **LINE)
     assert modes.labels == ("mode 1", "mode 2", "mode 3", "mode 4")
     # Seven digits of the vectors, of the largest component; places in mm have four decimals.
     assert_allclose(modes.stations, exact.stations, atol=1e-6)
@@ -43,17 +52,17 @@ def test_eigenvectors_become_modes_in_local_axes(exact, ending):
         assert_allclose(found / largest, expected / largest, atol=2e-6)
 
 
-def test_the_basis_is_that_of_the_exact_modes(exact):
-    modes = load_nastran_modes(BDF, FILES / "wing.op2", **LINE)
+def test_the_basis_is_that_of_the_exact_modes(exact, op2):
+    modes = load_nastran_modes(BDF, op2, **LINE)
     found, expected = modal_basis(modes).basis, modal_basis(exact).basis
     for xi in (0.0, 0.3, 0.77, 1.0):
         # Float vectors, differentiated by splines over 11 intervals.
         assert_allclose(found(xi), expected(xi), atol=1e-4)
 
 
-def test_a_model_in_other_units_is_scaled():
-    in_metres = load_nastran_modes(BDF, FILES / "wing.op2", **LINE)
-    in_km = load_nastran_modes(BDF, FILES / "wing.op2", **{**LINE, "length_unit": 1.0})
+def test_a_model_in_other_units_is_scaled(op2):
+    in_metres = load_nastran_modes(BDF, op2, **LINE)
+    in_km = load_nastran_modes(BDF, op2, **{**LINE, "length_unit": 1.0})
     assert_allclose(in_km.stations, 1000 * in_metres.stations)
     assert_allclose(in_km.displacements, 1000 * in_metres.displacements)
     assert_allclose(in_km.rotations, in_metres.rotations)

@@ -78,7 +78,7 @@ def test_a_target_is_reached_by_the_weights_that_are_printed(wing, tmp_path, cap
     printed = capsys.readouterr().out
     weights = re.search(r"weights\s+(\S+)", printed)[1]
     tip = cc.pose_at(cc.load_beam(wing), [float(w) for w in weights.split(",")], 1.0)
-    np.testing.assert_allclose(np.ravel(tip.position), [-0.5, 7.5, -2], atol=1e-6)
+    np.testing.assert_allclose(tip.position.full().ravel(), [-0.5, 7.5, -2], atol=1e-6)
     with np.load(tmp_path / "p.npz") as arrays:
         np.testing.assert_allclose(arrays["p"][0, :, -1], [-0.5, 7.5, -2], atol=1e-6)
     assert main(["shape", str(wing), "--weights", weights]) == 0

@@ -12,7 +12,7 @@ import numpy as np
 
 from curvcasadi.aero import AerodynamicLoad, Flow, IndicialLag
 from curvcasadi.aircraft.parts import Wing
-from curvcasadi.cli.options import FIGURES, output
+from curvcasadi.cli.options import FIGURES, output, steps
 from curvcasadi.control import Flutter, flutter, wing_model
 from curvcasadi.files import load_wing
 from curvcasadi.files.wing import WingFile
@@ -22,8 +22,6 @@ from curvcasadi.symbolic.text import table
 
 #: Roots that are printed at each speed.
 SHOWN = 4
-#: The most speeds of a sweep.
-MOST = 2000
 HELP = """\
 Flutter and divergence of the clamped wing of a wing file in level flow, about its own equilibrium
 at each airspeed: unsteady strips with lag states, their apparent mass, and leading-edge suction.
@@ -99,10 +97,11 @@ def speeds(text: str) -> Array:
         raise argparse.ArgumentTypeError(
             f"expected FIRST:LAST:STEP in m/s, such as 15:40:1, found {text!r}"
         )
-    if (last - first) / step > MOST:
-        raise argparse.ArgumentTypeError(f"expected at most {MOST} speeds, found {text!r}")
-    inside = first + step * np.arange(int((last - first) / step * (1 + 1e-12)) + 1)
-    return np.asarray(inside) if len(inside) > 1 else np.array([first, last])
+    try:
+        inside = steps(first, last, step)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{error} in {text!r}") from None
+    return inside if len(inside) > 1 else np.array([first, last])
 
 
 def run(arguments: argparse.Namespace) -> int:

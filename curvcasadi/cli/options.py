@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,6 +17,8 @@ from curvcasadi.symbolic.expressions import Array
 TABLES = (".csv", ".npz")
 FIGURES = (".png", ".svg", ".pdf")
 ANIMATIONS = (".gif", ".mp4")
+#: Steps of a range that a command takes.
+MOST_STEPS = 2000
 
 
 def output(*endings: str) -> Callable[[str], Path]:
@@ -54,6 +57,20 @@ def option(name: str) -> Iterator[None]:
     except ValueError as error:
         _, _, message = str(error).partition(": ")
         raise ValueError(f"{name}: {message}") from None
+
+
+def steps(first: float, last: float, step: float) -> Array:
+    """Numbers from `first` in steps of `step`, `last` included where a step ends there.
+
+    Raises
+    ------
+    ValueError
+        If they are more than `MOST_STEPS`.
+    """
+    count = (last - first) / step * (1 + 1e-9)
+    if count > MOST_STEPS:
+        raise ValueError(f"expected at most {MOST_STEPS} steps, found {count:.3g}")
+    return np.asarray(first + step * np.arange(math.floor(count) + 1))
 
 
 def vector(text: str) -> Array:

@@ -15,7 +15,7 @@ from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.aircraft.trim import STANDARD_GRAVITY, trim_sweep
 from curvcasadi.aircraft.trim_problem import OBJECTIVES
 from curvcasadi.aircraft.trim_result import TrimResult
-from curvcasadi.cli.options import FIGURES, output
+from curvcasadi.cli.options import FIGURES, output, steps
 from curvcasadi.control.aircraft_model import aircraft_model
 from curvcasadi.control.flight_modes import flight_modes, modes_table
 from curvcasadi.errors import ConvergenceError
@@ -151,7 +151,10 @@ def _speeds(text: str) -> list[float]:
     first, last, step = numbers
     if last < first:
         raise ValueError(f"--speed: expected first:last:step with first <= last; found {text!r}")
-    return [first + k * step for k in range(math.floor((last - first) / step * (1 + 1e-9)) + 1)]
+    try:
+        return list(steps(first, last, step))
+    except ValueError as error:
+        raise ValueError(f"--speed: {error} in {text!r}") from None
 
 
 def _held(options: Sequence[str], aircraft: Aircraft) -> dict[str, float]:

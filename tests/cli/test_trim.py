@@ -129,6 +129,11 @@ def test_speeds_add_up_and_ranges_include_their_ends(capsys, terminal):
     assert "6/6" in captured.err  # the progress bar
 
 
+def test_a_range_of_too_many_speeds_is_refused(capsys):
+    message = refused(capsys, "--speed", "10:40:1e-6")
+    assert message == "--speed: expected at most 2000 steps, found 3e+07 in '10:40:1e-6'"
+
+
 def test_one_speed_has_no_progress_bar(capsys, terminal):
     assert run("--speed", 25) == 0
     assert capsys.readouterr().err == ""

@@ -13,7 +13,8 @@ from scipy.special import kv
 import curvcasadi as cc
 from benchmarks.statics import case, smith_wing, strip_load
 from benchmarks.table import Check, Table, checked
-from curvcasadi.aero.unsteady import UnsteadyAirload, state_rates
+from curvcasadi.aero.state_rates import state_rates
+from curvcasadi.aero.unsteady import UnsteadyAirload
 from curvcasadi.dynamics.inertia import inertial_mesh
 from curvcasadi.symbolic.expressions import Array
 from tests.support.strip_wings import goland, hale

@@ -5,16 +5,17 @@ from curvcasadi.aero.gust import (
     GustEntry,
     GustField,
     OneMinusCosine,
-    SampledGust,
     StepGust,
-    Turbulence,
     frozen_gust,
     kussner,
 )
 from curvcasadi.aero.induced import LiftingLine
 from curvcasadi.aero.lag_states import IndicialLag
 from curvcasadi.aero.outline import Planform, planform
-from curvcasadi.aero.strip import ControlSurface, ExponentialTipLoss, StripAerodynamics, mirror_aero
+from curvcasadi.aero.sides import mirror_aero
+from curvcasadi.aero.strip import StripAerodynamics
+from curvcasadi.aero.surfaces import ControlSurface, ExponentialTipLoss
+from curvcasadi.aero.turbulence import SampledGust, Turbulence
 from curvcasadi.aero.unsteady import UnsteadyAirload
 
 __all__ = [

@@ -20,7 +20,8 @@ from curvcasadi.aero import section
 from curvcasadi.aero.induced import LiftingLine
 from curvcasadi.aero.induced_load import LineOnWing, line_on_wing
 from curvcasadi.aero.section import SectionData
-from curvcasadi.aero.strip import StripAerodynamics, air_stations, section_data
+from curvcasadi.aero.stations import air_stations, section_data
+from curvcasadi.aero.strip import StripAerodynamics
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics.shape import poses

@@ -20,7 +20,8 @@ from numpy.polynomial import legendre
 from curvcasadi.aero import induced, section
 from curvcasadi.aero.induced import LiftingLine
 from curvcasadi.aero.section import SectionData
-from curvcasadi.aero.strip import StripAerodynamics, air_stations, section_data
+from curvcasadi.aero.stations import air_stations, section_data
+from curvcasadi.aero.strip import StripAerodynamics
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics.shape import poses

@@ -3,94 +3,26 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
-from numpy.polynomial import legendre
 
-from curvcasadi.aero.section import SectionData
+from curvcasadi.aero.surfaces import ControlSurface, ExponentialTipLoss
 from curvcasadi.beam.along import Along, Check, breaks_of, scalar
-from curvcasadi.beam.grid import shares
 from curvcasadi.symbolic.expressions import (
-    COINCIDENT,
     AnyExpr,
     Number,
     choice,
     count,
-    expression,
     is_numeric,
     own_fields,
     positive,
-    station,
 )
 from curvcasadi.symbolic.plausible import sizes, warn_of_size
 
 #: Lift slopes, 1/rad, and angles of zero lift, rad, beyond which a warning names the unit.
 SMALLEST_SLOPE, LARGEST_SLOPE, LARGEST_ANGLE = 0.5, 20.0, 0.5
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ControlSurface:
-    """Increments of the coefficients between two stations, per angle of deflection.
-
-    Attributes
-    ----------
-    name : str
-        Name of the input that deflects it, rad.
-    lift : float or symbol
-        Increment of the lift coefficient, 1/rad.
-    moment : float or symbol
-        Increment of the moment coefficient, nose-up positive, 1/rad.
-    drag : float or symbol
-        Increment of the drag coefficient, 1/rad.
-    start : float
-        Station s/L at which it begins.
-    end : float
-        Station s/L at which it ends.
-    antisymmetric : bool
-        Whether it deflects the other way on a mirrored wing, as ailerons do.
-    """
-
-    name: str
-    lift: Number
-    moment: Number = 0.0
-    drag: Number = 0.0
-    start: float = 0.0
-    end: float = 1.0
-    antisymmetric: bool = False
-
-    def __post_init__(self) -> None:
-        own_fields(self)
-        for name in ("lift", "moment", "drag"):
-            expression(f"ControlSurface.{name}", getattr(self, name), (1, 1))
-        for name in ("start", "end"):
-            object.__setattr__(self, name, station(f"ControlSurface.{name}", getattr(self, name)))
-        if self.end - self.start <= COINCIDENT:
-            raise ValueError(
-                f"ControlSurface.end: expected above start = {self.start}, found {self.end}"
-            )
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ExponentialTipLoss:
-    """Factor 1 − exp(−decay (1 − xi)) on the lift coefficient; it vanishes at the tip.
-
-    Attributes
-    ----------
-    decay : float or symbol
-        Lift is 63 % of the strip's at a fraction 1/decay of the length from the tip.
-    """
-
-    decay: Number
-
-    def __post_init__(self) -> None:
-        positive("ExponentialTipLoss.decay", self.decay)
-
-    def __call__(self, xi: float) -> Number:
-        return 1 - ca.exp(-self.decay * (1 - xi))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -255,155 +187,3 @@ QUANTITIES: dict[str, Check] = {
     "moment_slope": scalar,
     "suction": _share,
 }
-
-
-def mirror_aero(strips: StripAerodynamics) -> StripAerodynamics:
-    """Airfoil data of the other half wing, for the beam `mirror(beam)`.
-
-    Local z of a mirrored beam points out of the other side of the airfoil; x and y, and with them
-    chord and aerodynamic centre, are mirror images. Antisymmetric surfaces deflect the other way.
-
-    Parameters
-    ----------
-    strips : StripAerodynamics
-        Airfoil data of one half wing, with their upper side.
-
-    Returns
-    -------
-    StripAerodynamics
-        Airfoil data of the other one.
-
-    Raises
-    ------
-    ValueError
-        If `upper_side` is None. `mirror_wing` needs none: a wing knows its root.
-    """
-    if strips.upper_side is None:
-        raise ValueError(
-            "StripAerodynamics.upper_side: expected 1 or -1 of what is mirrored without its wing, "
-            "found None; mirror_wing knows the root"
-        )
-    controls = tuple(
-        replace(c, lift=-c.lift, moment=-c.moment, drag=-c.drag) if c.antisymmetric else c
-        for c in strips.controls
-    )
-    return replace(strips, upper_side=-strips.upper_side, controls=controls)
-
-
-#: Vertical part of local z below which a root stands upright.
-_UPRIGHT = 1e-6
-
-
-def with_upper_side(owner: str, strips: StripAerodynamics, rotation: AnyExpr) -> StripAerodynamics:
-    """Airfoil data that know the upper side: as given, or that of the root's local z.
-
-    Parameters
-    ----------
-    owner : str
-        What has the data, for errors.
-    strips : StripAerodynamics
-        Airfoil data.
-    rotation : SX, MX or DM, shape (3, 3)
-        Of the root, local to body axes; body z points down.
-
-    Raises
-    ------
-    ValueError
-        If the rotation does not tell the upper side: of an upright root and of a symbol.
-    """
-    if strips.upper_side is not None:
-        return strips
-    down = rotation[2, 2]
-    if not is_numeric(down) or abs(float(down)) < _UPRIGHT:
-        found = "upright" if is_numeric(down) else "a symbol"
-        raise ValueError(
-            f"StripAerodynamics.upper_side of {owner}: expected 1 (local z points out of the upper "
-            f"side) or -1 (out of the lower side) where the root does not tell; found None, and "
-            f"its root is {found}"
-        )
-    return replace(strips, upper_side=1 if float(down) < 0 else -1)
-
-
-def section_data(
-    strips: StripAerodynamics,
-    xi: float,
-    deflections: Mapping[str, Number],
-    *,
-    density: Number,
-    measure: Number,
-    apparent: float = 0.0,
-) -> SectionData:
-    """What the forces of a strip at `xi` take, in the order of `SectionData`.
-
-    Parameters
-    ----------
-    strips : StripAerodynamics
-        Airfoil data of the wing.
-    xi : float
-        Station s/L.
-    deflections : mapping of str to number or symbol
-        Of the control surfaces, rad; others are zero.
-    density : number or symbol
-        Of the air, kg/m³.
-    measure : number or symbol
-        Span of the strip, m.
-    apparent : float
-        Part of the apparent mass that is there.
-    """
-    at = {name: strips.at(name, xi) for name in QUANTITIES}
-    slope, lift = at["lift_slope"], 0.0
-    drag, moment = at["profile_drag"], at["moment_coefficient"]
-    for surface in strips.controls:
-        if surface.start <= xi <= surface.end:
-            angle = deflections.get(surface.name, 0.0)
-            lift = lift + surface.lift * angle
-            drag = drag + surface.drag * angle
-            moment = moment + surface.moment * angle
-    if is_numeric(slope) and float(slope) == 0:
-        if not is_numeric(lift) or float(lift):
-            raise ValueError(
-                f"StripAerodynamics.lift_slope at xi = {xi:g}: expected a number above zero where "
-                "a control surface makes lift, found 0"
-            )
-        slope = 1.0
-    factor = 1.0 if strips.tip_loss is None else strips.tip_loss(xi)
-    return SectionData(
-        upper=strips.side,
-        pressure=density * at["chord"] * measure / 2,
-        chord=at["chord"],
-        center=at["aerodynamic_center"],
-        slope=factor * at["lift_slope"],
-        shift=lift / slope - at["zero_lift_angle"],
-        drag=drag,
-        moment=moment,
-        moment_slope=at["moment_slope"],
-        suction=at["suction"],
-        apparent=apparent,
-    )
-
-
-class AirStation(NamedTuple):
-    """A station at which airloads are integrated."""
-
-    xi: float  #: s/L
-    weight: float  #: part of the length that it stands for
-
-
-def air_stations(strips: StripAerodynamics) -> tuple[AirStation, ...]:
-    """Gauss points between the breaks of the airfoil data, shared out by length.
-
-    Lift vanishes at a tip like the square root of the distance to it. Three points or more of the
-    outermost interval therefore are those of Gauss in √(1 − ξ), of which it is a smooth function.
-    """
-    ends = np.array([0.0, *strips.breaks, 1.0])
-    found = []
-    for left, right, n in zip(
-        ends[:-1], ends[1:], shares(strips.stations, np.diff(ends), 1), strict=True
-    ):
-        nodes, weights = legendre.leggauss(n)
-        part, weights = (1 + nodes) / 2, weights / 2
-        if right == 1 and n >= 3:
-            part, weights = 1 - (1 - part) ** 2, 2 * weights * (1 - part)
-        for x, w in zip(left + (right - left) * part, weights * (right - left), strict=True):
-            found.append(AirStation(float(x), float(w)))
-    return tuple(found)

@@ -7,7 +7,9 @@ from typing import Any
 
 import casadi as ca
 
-from curvcasadi.aero.unsteady import UnsteadyAirload, apparent_mass_matrix, state_rates
+from curvcasadi.aero.apparent_mass import apparent_mass_matrix
+from curvcasadi.aero.state_rates import state_rates
+from curvcasadi.aero.unsteady import UnsteadyAirload
 from curvcasadi.aircraft.free_air import FreeAir, strip_points
 from curvcasadi.aircraft.parts import Wing
 from curvcasadi.dynamics import inverse, mass, system

@@ -13,19 +13,16 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.aero import section
+from curvcasadi.aero.air_states import gained, in_front, state_parts
 from curvcasadi.aero.airload import Flow
+from curvcasadi.aero.apparent_mass import strip_apparent_mass
 from curvcasadi.aero.gust import GustEntry
 from curvcasadi.aero.induced import LiftingLine
 from curvcasadi.aero.lag_states import IndicialLag
-from curvcasadi.aero.strip import StripAerodynamics, air_stations, section_data
-from curvcasadi.aero.unsteady import (
-    UnsteadyAirload,
-    gained,
-    in_front,
-    state_parts,
-    strip_apparent_mass,
-    strip_rates,
-)
+from curvcasadi.aero.state_rates import strip_rates
+from curvcasadi.aero.stations import air_stations, section_data
+from curvcasadi.aero.strip import StripAerodynamics
+from curvcasadi.aero.unsteady import UnsteadyAirload
 from curvcasadi.aircraft.parts import LiftingSurface, Wing
 from curvcasadi.kinematics.jacobian import to_body
 from curvcasadi.symbolic.expressions import AnyExpr, Number, instance

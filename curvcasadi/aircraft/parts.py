@@ -11,7 +11,7 @@ from typing import Any
 import casadi as ca
 
 from curvcasadi.aero import Flow, StripAerodynamics, mirror_aero
-from curvcasadi.aero.strip import with_upper_side
+from curvcasadi.aero.sides import with_upper_side
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.mirror import mirror
 from curvcasadi.beam.pose import Pose, checked_pose

@@ -9,7 +9,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from curvcasadi.aero.gust import GustField, OneMinusCosine, Turbulence, frozen_gust
+from curvcasadi.aero.gust import GustField, OneMinusCosine, frozen_gust
+from curvcasadi.aero.turbulence import Turbulence
 from curvcasadi.aircraft.free_flight import STANDARD_GRAVITY
 from curvcasadi.aircraft.trim import trim
 from curvcasadi.cli.options import FIGURES, TABLES, output

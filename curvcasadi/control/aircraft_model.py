@@ -8,10 +8,10 @@ from typing import Any, NamedTuple, TypeAlias
 
 import casadi as ca
 
+from curvcasadi.aero.air_states import state_parts
 from curvcasadi.aero.gust import GustEntry, GustField
 from curvcasadi.aero.induced import LiftingLine
 from curvcasadi.aero.lag_states import IndicialLag
-from curvcasadi.aero.unsteady import state_parts
 from curvcasadi.aircraft.flight_equations import (
     FlightEquations,
     FlightState,

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from curvcasadi.aero.gust import Turbulence
+from curvcasadi.aero.turbulence import Turbulence
 from curvcasadi.control.linearize import LinearModel
 from curvcasadi.symbolic.expressions import Array, choice, instance, numbers
 from curvcasadi.symbolic.layout import Layout

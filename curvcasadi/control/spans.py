@@ -8,8 +8,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.polynomial import legendre
 
+from curvcasadi.aero.air_states import StateParts
 from curvcasadi.aero.lag_states import SpanFunctions
-from curvcasadi.aero.unsteady import StateParts
 from curvcasadi.symbolic.expressions import Array
 
 #: Gauss points for each interval between breaks, beyond the number of weights.

@@ -6,7 +6,9 @@ from typing import Any
 
 import casadi as ca
 
-from curvcasadi.aero.unsteady import UnsteadyAirload, apparent_mass_matrix, state_rates
+from curvcasadi.aero.apparent_mass import apparent_mass_matrix
+from curvcasadi.aero.state_rates import state_rates
+from curvcasadi.aero.unsteady import UnsteadyAirload
 from curvcasadi.aircraft.parts import Wing
 from curvcasadi.control.damping import damping_matrix
 from curvcasadi.control.model import SecondOrder

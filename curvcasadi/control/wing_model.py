@@ -9,14 +9,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from curvcasadi.aero.air_states import state_parts
 from curvcasadi.aero.airload import Flow
 from curvcasadi.aero.gust import GustEntry
 from curvcasadi.aero.induced import LiftingLine
 from curvcasadi.aero.lag_states import IndicialLag
-from curvcasadi.aero.unsteady import (
-    UnsteadyAirload,
-    state_parts,
-)
+from curvcasadi.aero.unsteady import UnsteadyAirload
 from curvcasadi.aircraft.parts import Wing
 from curvcasadi.beam.along import scalar
 from curvcasadi.beam.pose import Pose

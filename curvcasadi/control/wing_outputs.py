@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.aero import section
-from curvcasadi.aero.strip import section_data
+from curvcasadi.aero.stations import section_data
 from curvcasadi.aero.unsteady import UnsteadyAirload
 from curvcasadi.aircraft.parts import Wing
 from curvcasadi.dynamics import root_wrench_function

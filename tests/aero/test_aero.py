@@ -21,7 +21,7 @@ from curvcasadi.aero import (
     strip_forces,
 )
 from curvcasadi.aero.section import speed_and_angle
-from curvcasadi.aero.strip import air_stations
+from curvcasadi.aero.stations import air_stations
 from curvcasadi.loads.stations import loaded_mesh
 from curvcasadi.reference_wings import RIGHT_WING_ROOT
 from curvcasadi.statics.balance import balance, parameter_slopes, root_wrench

@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose
 
 import curvcasadi as cc
 from curvcasadi.aero import section
-from curvcasadi.aero.strip import air_stations, section_data
-from curvcasadi.aero.unsteady import state_parts
+from curvcasadi.aero.air_states import state_parts
+from curvcasadi.aero.stations import air_stations, section_data
 from curvcasadi.control.aircraft_model import _gusts, flight_state
 from curvcasadi.lie import se3
 from tests.support.flying_aircraft import DENSITY, aircraft, anywhere

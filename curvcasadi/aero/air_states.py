@@ -1,0 +1,104 @@
+"""The states of unsteady air: weights of functions along the span, and what they add to u_e."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from curvcasadi.aero.gust import GustEntry
+from curvcasadi.aero.lag_states import IndicialLag, SpanFunctions, span_functions
+from curvcasadi.aero.stations import AirStation, air_stations
+from curvcasadi.aero.strip import StripAerodynamics
+from curvcasadi.symbolic.expressions import AnyExpr, Array
+
+
+class StateParts(NamedTuple):
+    """The states of an unsteady load, and the functions along the span that carry them."""
+
+    stations: tuple[AirStation, ...]
+    lag: tuple[float, ...]  #: rates of the poles of the circulation
+    entry: tuple[float, ...]  #: rates of the entry states
+    of_lag: SpanFunctions
+    of_entry: SpanFunctions
+
+    @property
+    def size(self) -> int:
+        """Number of states."""
+        lag, entry = (part.values.shape[1] for part in (self.of_lag, self.of_entry))
+        return int(len(self.lag) * lag + len(self.entry) * entry)
+
+    def values(self, states: AnyExpr) -> AnyExpr:
+        """Values at the stations, (poles and entry states, stations), of the states (size, 1)."""
+        rows, start = [], 0
+        for functions, count in ((self.of_lag, len(self.lag)), (self.of_entry, len(self.entry))):
+            size = functions.values.shape[1]
+            for _ in range(count):
+                rows.append((ca.DM(functions.values) @ states[start : start + size]).T)
+                start += size
+        return ca.vertcat(*rows)
+
+    @property
+    def projection(self) -> Array:
+        """Rates of the states from those of values at the stations, stacked station by station."""
+        sizes = [self.of_lag.values.shape[1]] * len(self.lag)
+        sizes += [self.of_entry.values.shape[1]] * len(self.entry)
+        count, total = len(self.stations), len(sizes)
+        matrix, start = np.zeros((self.size, count * total)), 0
+        for i, size in enumerate(sizes):
+            functions = self.of_lag if i < len(self.lag) else self.of_entry
+            matrix[start : start + size, i::total] = functions.rates
+            start += size
+        return matrix
+
+
+def state_parts(
+    strips: StripAerodynamics, lag: IndicialLag | None, entry: GustEntry | None
+) -> StateParts:
+    """The states of a load and their functions along the span.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer aerodynamic stations than functions.
+    """
+    stations = air_stations(strips)
+    xi, measures = np.array(stations).T
+    functions = [
+        span_functions(model.modes, xi, measures)
+        if model is not None
+        else SpanFunctions(np.zeros((len(xi), 0)), np.zeros((0, len(xi))))
+        for model in (lag, entry)
+    ]
+    rates = () if lag is None else tuple(lag.rates.tolist())
+    entered = () if entry is None else tuple(entry.poles.rates.tolist())
+    return StateParts(stations, rates, entered, *functions)
+
+
+def gained(
+    lag: IndicialLag | None, entry: GustEntry | None, values: AnyExpr
+) -> tuple[AnyExpr, AnyExpr]:
+    """What lag states add to u_e beside φ₀ u, and what a gust adds, (1, stations) each, m/s.
+
+    Parameters
+    ----------
+    lag, entry : IndicialLag, GustEntry or None
+        As of `UnsteadyAirload`.
+    values : SX, MX or DM, shape (poles and entry states, stations)
+        Of the lag states, then of the entry states.
+    """
+    zero: AnyExpr = ca.DM.zeros(1, values.shape[1])
+    amplitudes = np.zeros(0) if lag is None else lag.amplitudes
+    of_lag, of_entry = values[: len(amplitudes), :], values[len(amplitudes) :, :]
+    lagged = ca.DM(amplitudes).T @ of_lag if lag is not None else zero
+    if entry is None:
+        return lagged, zero
+    if entry.kind == "kussner":
+        return lagged, ca.DM(entry.poles.amplitudes).T @ of_entry
+    return lagged + (1 - float(np.sum(amplitudes))) * of_entry, zero
+
+
+def in_front(entry: GustEntry | None) -> bool:
+    """Whether a single entry state stands in front of the lag states."""
+    return entry is not None and entry.kind == "lag"

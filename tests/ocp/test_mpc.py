@@ -152,8 +152,8 @@ def test_real_time_iterations_reach_the_converged_plan():
     converged, once = tip_control(), tip_control(solver="rti")
     steps = [once.step(np.zeros(5), reference=GOAL)]
     for _ in range(8):
-        once._applied = np.zeros(5)  # the same problem again: nothing was applied
-        once._plan = steps[-1].plan
+        once._plan.applied = np.zeros(5)  # the same problem again: nothing was applied
+        once._plan.inputs = steps[-1].plan
         steps.append(once.step(np.zeros(5), reference=GOAL))
     expected = converged.step(np.zeros(5), reference=GOAL)
     assert all(step.success for step in steps[2:])

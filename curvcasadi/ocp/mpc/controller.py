@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -13,8 +12,10 @@ import numpy as np
 from curvcasadi.control.model import ControlModel
 from curvcasadi.control.signals import stacked
 from curvcasadi.control.step import Method
-from curvcasadi.ocp.mpc import terms
-from curvcasadi.ocp.mpc.problem import RESIDUAL, MpcProblem
+from curvcasadi.ocp.mpc import arguments, reasons, signals
+from curvcasadi.ocp.mpc.plan import Plan
+from curvcasadi.ocp.mpc.problem import MpcProblem
+from curvcasadi.ocp.mpc.result import MpcStep
 from curvcasadi.ocp.mpc.solver import MpcSolver, Solver, default_tolerance
 from curvcasadi.solvers.embedded import SolverFunction
 from curvcasadi.symbolic.expressions import (
@@ -25,68 +26,14 @@ from curvcasadi.symbolic.expressions import (
     function_name,
     instance,
     is_numeric,
-    numbers,
     positive,
-    rotation_matrix,
 )
-from curvcasadi.symbolic.layout import Layout, Part
-from curvcasadi.symbolic.text import described, shown
+from curvcasadi.symbolic.layout import Layout
 
 _SOLVERS = ("rti", "sqp", "ipopt")
 _QP_SOLVERS = ("own", "hpipm", "qpoases", "daqp", "qrqp", "osqp", "piqp", "proxqp")
 #: Calls that are kept as examples for the self-test of exported C.
 _EXAMPLES = 4
-#: Half a range from which on it tells nothing of the size of an input.
-_UNBOUNDED = 1e10
-#: What the length of a quaternion may differ from 1.
-_LENGTH = 5e-3
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class MpcStep:
-    """What a predictive controller says at one time.
-
-    Attributes
-    ----------
-    u : array, shape (nu,)
-        Input to apply now, within its bounds whatever happened.
-    plan : array, shape (nu, N)
-        Inputs of all stages, `u` the first.
-    states : array, shape (nx, N + 1)
-        States along the plan, of the model; NaN where there is none.
-    success : bool
-        Whether `u` comes from a solution of this call.
-    message : str
-        What happened, in words.
-    violation : float
-        Excess over bounds that are not soft, over what counts as none: at most 1 where kept.
-    stationarity : float
-        Distance from the optimality conditions over its tolerance: at most 1 where they hold.
-    slack : dict of str to array, shape (N,)
-        Excess over each soft bound, by name, in its unit.
-    """
-
-    u: Array
-    plan: Array
-    states: Array
-    success: bool
-    message: str
-    violation: float
-    stationarity: float
-    slack: dict[str, Array]
-
-    def __repr__(self) -> str:
-        return f"<MpcStep: {self.message.splitlines()[0]}>"
-
-    def __str__(self) -> str:
-        rows = {
-            "u": shown(self.u),
-            "plan": f"{self.plan.shape[1]} stages",
-            "violation": f"{self.violation:.2g}, at most 1 where bounds are kept",
-            "stationarity": f"{self.stationarity:.2g}, at most 1 at an optimum",
-            **{f"slack of {name}": f"{np.max(v):.3g} at most" for name, v in self.slack.items()},
-        }
-        return described(f"Step of predictive control: {self.message}", rows)
 
 
 class Mpc:
@@ -211,36 +158,23 @@ class Mpc:
             raise ValueError(f"dt: expected a number, found the symbol {dt}")
         self.dt, self.horizon = float(positive("dt", dt)), count("horizon", horizon)
         bounds, rate_bounds = bounds or {}, rate_bounds or {}
-        limits = terms.limits(model, bounds, rate_bounds, soft or {})
-        lower, upper = terms.input_bounds(model, bounds)
-        self.u_trim = terms.inputs_at_rest(model, u_trim, lower, upper)
-        penalties = (
-            *terms.penalties("outputs", "y", model.y, outputs or {}),
-            *terms.penalties("states", "x", model.x, states or {}),
-        )
-        weighed = [penalty.part.name for penalty in penalties]
-        if len(set(weighed)) < len(weighed):
-            raise ValueError(f"states: expected other names than those of outputs, found {weighed}")
-        if not penalties:
-            raise ValueError(
-                "outputs: expected a weight above zero of an output "
-                f"({', '.join(part.name for part in model.y.parts)}), found none"
-            )
-        of_inputs = terms.penalties("inputs", "u", model.u, inputs or {})
+        limits = arguments.limits(model, bounds, rate_bounds, soft or {})
+        lower, upper = arguments.input_bounds(model, bounds)
+        self.u_trim = arguments.inputs_at_rest(model, u_trim, lower, upper)
         if method is None:
             method = "rk4" if model.second_order is None else "implicit_midpoint"
         self._problem = MpcProblem(
             model=model,
             name=name,
             dt=self.dt,
-            hold=_hold(blocks, self.horizon),
-            penalties=(*penalties, *of_inputs),
-            moves=terms.input_weights("moves", model.u, moves or {}),
+            hold=arguments.hold(blocks, self.horizon),
+            penalties=arguments.all_penalties(model, outputs or {}, states or {}, inputs or {}),
+            moves=arguments.input_weights("moves", model.u, moves or {}),
             limits=limits,
             lower=lower,
             upper=upper,
-            rates=terms.input_rates(model, rate_bounds),
-            scale=_scales(model.u, scales or {}, lower, upper),
+            rates=arguments.input_rates(model, rate_bounds),
+            scale=arguments.scales(model.u, scales or {}, lower, upper),
             is_implicit=method != "rk4",
             damping=float(positive("damping", damping, zero=True)),
         )
@@ -258,7 +192,7 @@ class Mpc:
         )
         self._native = model.second_order is not None if compiled is None else bool(compiled)
         self._calls: deque[list[Array]] = deque(maxlen=_EXAMPLES)
-        self.reset()
+        self._plan = Plan(self.u_trim, self.horizon)
 
     def __repr__(self) -> str:
         return (
@@ -282,9 +216,7 @@ class Mpc:
         u : array or mapping, optional
             Input that was applied last; the trimmed one unless given.
         """
-        self._applied = self.u_trim.copy() if u is None else stacked("u", self.model.u, u)
-        self._plan = np.tile(self.u_trim[:, None], self.horizon)
-        self._left = 0
+        self._plan.reset(self.u_trim if u is None else stacked("u", self.model.u, u))
 
     @property
     def examples(self) -> list[list[Array]]:
@@ -350,23 +282,25 @@ class Mpc:
         violation, stationarity = (float(numeric[k][0, 0]) for k in ("violation", "stationarity"))
         solved = all(np.all(np.isfinite(value)) for value in numeric.values()) and stationarity <= 1
         if not solved:
-            return self.fallback(
-                _unsolved(violation, stationarity, self._solver.tolerance), violation, stationarity
-            )
-        u, shifted = numeric["u"].ravel(), numeric["plan"]
+            reason = reasons.unsolved(violation, stationarity, self._solver.tolerance)
+            return self.fallback(reason, violation, stationarity)
+        u, later, states = numeric["u"].ravel(), numeric["plan"], numeric["states"]
+        self._plan.accept(u, later)
+        plan, message = np.column_stack([u, later[:, :-1]]), "solved"
         kept = violation <= 1
         if kept:
             self._calls.append(inputs)
-        self._applied, self._plan, self._left = u, shifted, self.horizon - 1
+        else:
+            message = reasons.exceeded(self._solver, states, plan, inputs[1], violation)
         return MpcStep(
             u=u.copy(),
-            plan=np.column_stack([u, shifted[:, :-1]]),
-            states=numeric["states"],
+            plan=plan,
+            states=states,
             success=kept,
-            message="solved" if kept else self._exceeded(numeric["states"], inputs, violation),
+            message=message,
             violation=violation,
             stationarity=stationarity,
-            slack=self._slacks(numeric["slack"]),
+            slack=self._slacks(np.maximum(numeric["slack"], 0.0)),
         )
 
     def fallback(
@@ -389,24 +323,17 @@ class Mpc:
         MpcStep
             Without success; the controller goes on from its plan.
         """
-        planned = self._left > 0
-        u = self._plan[:, 0].copy() if planned else self.u_trim.copy()
-        plan = self._plan.copy() if planned else np.tile(u[:, None], self.horizon)
-        self._plan = np.column_stack([plan[:, 1:], plan[:, -1]])
-        self._left = max(self._left - 1, 0)
-        if not self._left:
-            self._plan = np.tile(self.u_trim[:, None], self.horizon)
-        self._applied = u
+        plan, planned = self._plan.go_on()
         what = "the input planned before" if planned else "the trimmed input"
         return MpcStep(
-            u=u,
+            u=plan[:, 0].copy(),
             plan=plan,
             states=np.full((self.model.x.size, self.horizon + 1), np.nan),
             success=False,
             message=f"{message}; {what} is applied",
             violation=violation,
             stationarity=stationarity,
-            slack={limit.name: np.full(self.horizon, np.nan) for limit in self._problem.soft},
+            slack=self._slacks(np.full((len(self._problem.soft), self.horizon), np.nan)),
         )
 
     def _inputs(
@@ -417,148 +344,15 @@ class Mpc:
             raise ValueError(f"x: expected the state ({_listed(self.model.x)}), found None")
         return [
             stacked("x", self.model.x, x)[:, None],
-            self._parameters(p, preview),
-            self._applied[:, None],
-            self._references(reference),
-            self._plan,
+            signals.parameters(self.model.p, p, preview, self.horizon),
+            self._plan.applied[:, None],
+            signals.references(self._problem, self.u_trim, reference),
+            self._plan.inputs,
         ]
 
-    def _exceeded(self, states: Array, inputs: list[Array], violation: float) -> str:
-        """Why a plan of a solved program does not count."""
-        problem, parameters = self._problem, inputs[1]
-        if problem.is_implicit:
-            step, plan = self._solver.step(), np.column_stack([self._applied, self._plan])
-            residuals = [
-                float(step(states[:, k], plan[:, k], parameters[:, k])[1])
-                for k in range(self.horizon)
-            ]
-            worst = int(np.argmax(residuals))
-            if not residuals[worst] <= RESIDUAL:
-                return (
-                    f"the model's step over stage {worst} does not converge, its residual is "
-                    f"{residuals[worst]:.1g}; use a shorter dt or more substeps"
-                )
-        excess = violation * self._solver.tolerance
-        return f"bounds exceeded along the plan by {excess:.2g} of half their range"
-
-    def _slacks(self, values: Array) -> dict[str, Array]:
-        return {
-            limit.name: np.maximum(row, 0.0)
-            for limit, row in zip(self._problem.soft, values, strict=True)
-        }
-
-    def _parameters(self, p: Any, preview: Mapping[str, Number]) -> Array:
-        """(np, N) parameters of the stages."""
-        layout = self.model.p
-        values = np.tile(stacked("p", layout, p)[:, None], self.horizon)
-        for key, value in instance("preview", preview, Mapping).items():
-            part = _known("preview", layout.parts, key)
-            values[layout.slices[key]] = _columns(f"preview[{key!r}]", part, value, self.horizon)
-        return values
-
-    def _references(self, reference: Mapping[str, Number]) -> Array:
-        """(ng, N) references of the stages."""
-        penalties = self._problem.penalties
-        for key in instance("reference", reference, Mapping):
-            _known("reference", tuple(penalty.part for penalty in penalties), key)
-        rows = []
-        for penalty in penalties:
-            part, name = penalty.part, f"reference[{penalty.part.name!r}]"
-            if part.name in reference:
-                value = reference[part.name]
-                if penalty.is_rotation and _shape(value) == (3, 3):
-                    value = rotation_matrix(name, value).full().ravel(order="F")
-                found = _columns(name, part, value, self.horizon)
-                _check_attitudes(name, penalty, found)
-                rows.append(found)
-            else:
-                rows.append(np.tile(self._neutral(penalty)[:, None], self.horizon))
-        return np.concatenate([np.zeros((0, self.horizon)), *rows])
-
-    def _neutral(self, penalty: terms.Penalty) -> Array:
-        """The reference unless one is given."""
-        if penalty.is_rotation:
-            return np.tile(np.eye(3).ravel(), penalty.part.size // 9)
-        if penalty.source == "u":
-            return self.u_trim[self.model.u.slices[penalty.part.name]]
-        size = penalty.part.size
-        return np.eye(size)[0] if penalty.part.attitude else np.zeros(size)
-
-
-def _hold(blocks: Sequence[int] | None, horizon: int) -> tuple[int, ...]:
-    """Index of the unknown input of each stage."""
-    if blocks is None:
-        return tuple(range(horizon))
-    lengths = [count("blocks", length) for length in instance("blocks", blocks, Iterable)]
-    if sum(lengths) != horizon:
-        raise ValueError(f"blocks: expected lengths of sum {horizon}, the horizon, found {blocks}")
-    return tuple(i for i, length in enumerate(lengths) for _ in range(length))
-
-
-def _scales(layout: Layout, scales: Mapping[str, float], lower: Array, upper: Array) -> Array:
-    half = terms.sizes(lower, upper)
-    found = np.where((half > 0) & (half < _UNBOUNDED), half, 1.0)
-    for key, value in instance("scales", scales, Mapping).items():
-        _known("scales", layout.parts, key)
-        rows, scale = layout.slices[key], float(positive(f"scales[{key!r}]", value))
-        least = np.min(half[rows], where=half[rows] > 0, initial=np.inf)
-        if scale > terms.WIDE * least:
-            raise ValueError(
-                f"scales[{key!r}]: expected the size of an input with half the range {least:g}, "
-                f"found {scale:g}"
-            )
-        found[rows] = scale
-    return found
-
-
-def _known(name: str, parts: Sequence[Part], key: str) -> Part:
-    for part in parts:
-        if part.name == key:
-            return part
-    names = ", ".join(part.name for part in parts) or "none"
-    raise ValueError(f"{name}: expected names among {names}, found {key!r}")
-
-
-def _shape(value: Number) -> tuple[int, ...]:
-    """Shape of an array or of a DM, which numpy is not asked for."""
-    return tuple(value.shape) if hasattr(value, "shape") else np.shape(value)
+    def _slacks(self, rows: Array) -> dict[str, Array]:
+        return {limit.name: row for limit, row in zip(self._problem.soft, rows, strict=True)}
 
 
 def _listed(layout: Layout) -> str:
     return ", ".join(f"{part.name} ({part.size}, {part.unit})" for part in layout.parts) or "none"
-
-
-def _columns(name: str, part: Part, value: Number, n: int) -> Array:
-    """(size, n) of numbers that are held, or of columns."""
-    array = numbers(name, value)
-    if array.size == part.size and (array.ndim < 2 or array.shape == (part.size, 1)):
-        return np.tile(array.reshape(-1, 1), n)
-    if array.shape == (part.size, n) or (part.size == 1 and array.shape == (n,)):
-        return array.reshape(part.size, n)
-    raise ValueError(
-        f"{name}: expected {part.size} numbers or columns ({part.size}, {n}), "
-        f"found shape {array.shape}"
-    )
-
-
-def _check_attitudes(name: str, penalty: terms.Penalty, columns: Array) -> None:
-    """Refuse columns of rotations that are none, and quaternions of another length than 1."""
-    if penalty.is_rotation:
-        for matrix in columns.T.reshape(-1, 3, 3):
-            rotation_matrix(name, matrix.T)
-    elif penalty.part.attitude:
-        lengths = np.linalg.norm(columns, axis=0)
-        worst = lengths[np.argmax(np.abs(lengths - 1))]
-        if abs(worst - 1) > _LENGTH:
-            raise ValueError(f"{name}: expected unit quaternions, found one of length {worst:g}")
-
-
-def _unsolved(violation: float, stationarity: float, tolerance: float) -> str:
-    if not (np.isfinite(violation) and np.isfinite(stationarity)):
-        return "the model leaves the numbers along the plan"
-    if violation > 1:
-        return (
-            "no plan within the bounds found: the last one tried exceeds them by "
-            f"{violation * tolerance:.2g} of half their range"
-        )
-    return f"not converged: {stationarity:.2g} times the tolerance from the optimality conditions"

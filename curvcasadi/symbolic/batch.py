@@ -186,7 +186,7 @@ def compile_batch(
     ----------
     f : casadi.Function
         A Function without free symbols, of arithmetic, comparisons and selection (`if_else`), sqrt,
-        trigonometric functions and their inverses, the linear solver 'ldl', `map`, `fold` and
+        exp, trigonometric functions and their inverses, the linear solver 'ldl', `map`, `fold` and
         branches in two ways. Other functions of libm, solvers, callbacks and Functions that are
         compiled already are refused.
     real : {"double", "float"}

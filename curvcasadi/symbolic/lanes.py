@@ -18,7 +18,7 @@ import casadi as ca
 
 #: Functions of numbers that `templates/lanes.h` does not have.
 _REFUSED = (
-    "EXP LOG POW CONSTPOW FMOD ERF ERFINV SINH COSH TANH ASINH ACOSH ATANH LOG1P EXPM1 HYPOT "
+    "LOG POW CONSTPOW FMOD ERF ERFINV SINH COSH TANH ASINH ACOSH ATANH LOG1P EXPM1 HYPOT "
     "LOGSUMEXP REMAINDER FIND LOW GETNONZEROS_PARAM ADDNONZEROS_PARAM SETNONZEROS_PARAM ASSERTION "
     "MONITOR PRINTME DUMP BSPLINE CONVEXIFY"
 ).split()
@@ -164,7 +164,8 @@ def _without_null_inputs(f: ca.Function, text: str) -> str:
     parts = [f, *f.find_functions()]
     zeros = max(p.numel() for g in parts for p in [ca.Sparsity(1, 1), *_patterns(g, "in")])
     sink = max(p.numel() for g in parts for p in [ca.Sparsity(1, 1), *_patterns(g, "out")])
-    text = re.sub(r"\barg\[(\d+)\] ?\? (arg\[\1\](?:\[\d+\])?) : (?:0|casadi_zeros)\b", r"\2", text)
+    value = r"(arg\[\1\](?:\[\d+\]|\+\d+)?)"
+    text = re.sub(rf"\barg\[(\d+)\] ?\? {value} : (?:0|casadi_zeros)\b", r"\2", text)
     text = re.sub(r"^(\s*arg\d+\[\d+\]=)0;", r"\1given_zeros;", text, flags=re.M)
     text = re.sub(r"^(\s*res\d+\[\d+\]=)0;", r"\1unwanted;", text, flags=re.M)
     text = re.sub(r"\bif \(res\[\d+\](?:!=0)?\) ", "", text)

@@ -95,6 +95,7 @@ LANES_INLINE Number sign(Number a) {
 LANES_EACH(sqrt, std::sqrt)
 LANES_EACH(floor, std::floor)
 LANES_EACH(ceil, std::ceil)
+LANES_EACH(exp, std::exp) /* of libm: no loop over time steps or stations calls it */
 
 template <int N> LANES_INLINE Values polynomial(const Real (&c)[N], Values x) {
   Values sum = Values{} + c[0];

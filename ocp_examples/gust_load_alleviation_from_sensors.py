@@ -11,7 +11,6 @@ Without preview the controller expects that the estimated gust stays (or "none")
 upper bound. The wings fly as one batch: each is a lane of a vector register.
 """
 
-from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -176,7 +175,7 @@ def simulate(seeds=range(FLIGHTS)):
     plant, (beam, model), n = Plant(seeds), wing_model("model", **MODEL), len(seeds)
     lanes = [case for case in CASES.values() for _ in seeds]
     made = {flaps: controller(model, SETS[flaps]) for flaps in dict.fromkeys(k for k, _ in lanes)}
-    controls = [copy(made[flaps]) for flaps, _ in lanes]
+    controls = [made[flaps].copy() for flaps, _ in lanes]
     ekf, rng = Filter(beam, model, len(lanes)), np.random.default_rng(0)
     most = FINE * np.array([SETS[flaps][1] for flaps, _ in lanes])
     repeat = len(CASES) + 1  # with the open loop, whose flights are the first lanes

@@ -217,7 +217,8 @@ def _gusts(gust: Gust, entry: GustEntry) -> _Gusts:
     if gust is None:
         return _Gusts(None, None, lambda position, p: ca.DM.zeros(3))
     if isinstance(gust, GustEntry):
-        return _Gusts(gust, Part("gust", 1, "m/s"), lambda position, p: ca.vertcat(0, 0, -p))
+        part = Part("gust", 1, "m/s", nominal=0.0)
+        return _Gusts(gust, part, lambda position, p: ca.vertcat(0, 0, -p))
     time = Part("time", 1, "s")
     if isinstance(gust, GustField):
         return _Gusts(entry, time, gust)

@@ -64,7 +64,7 @@ def kinematic_model(
     lower, upper = beam.bounds
     x = Layout((Part("q", n, "rad/m", lower, upper),))
     u = Layout((Part("q_command", n, "rad/m", lower, upper),))
-    p = Layout((Part("disturbance", n, "rad/m"),))
+    p = Layout((Part("disturbance", n, "rad/m", nominal=0.0),))
     y = Layout(
         (
             Part("position", 3, "m"),

@@ -193,7 +193,10 @@ def wing_model(
     u = Layout(tuple(Part(key, 1, "rad") for key in inputs))
     p = Layout(
         (
-            *(Part(key, 1, _UNITS[key], _LEAST.get(key, -np.inf)) for key in flight),
+            *(
+                Part(key, 1, _UNITS[key], _LEAST.get(key, -np.inf), nominal=_CALM.get(key))
+                for key in flight
+            ),
             *(Part(key, symbol.numel(), "SI") for key, symbol in design.items()),
         )
     )
@@ -220,6 +223,8 @@ def wing_model(
 _UNITS = {"airspeed": "m/s", "pitch": "rad", "gust": "m/s"}
 #: The strips, and their lag, are those of a stream that meets the leading edge.
 _LEAST = {"airspeed": 0.0}
+#: What parameters are unless given.
+_CALM = {"gust": 0.0}
 
 
 def _design(parameters: Mapping[str, ca.MX] | None, taken: set[str]) -> dict[str, ca.MX]:

@@ -29,6 +29,9 @@ class Part:
     attitude : bool
         Whether the part is a unit quaternion, scalar first. Its error state is a rotation vector
         (3, 1) in local axes.
+    nominal : float or array, shape (size,), optional
+        Value of a parameter where it is not given, such as that of a gust in calm air; without
+        one a controller asks for it by name.
     """
 
     name: str
@@ -37,6 +40,7 @@ class Part:
     lower: float | Array = -np.inf
     upper: float | Array = np.inf
     attitude: bool = False
+    nominal: float | Array | None = None
 
     def __post_init__(self) -> None:
         if self.attitude and self.size != 4:

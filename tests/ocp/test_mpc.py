@@ -13,6 +13,7 @@ import curvcasadi as cc
 from curvcasadi.control.model import ControlModel
 from curvcasadi.export import export_c, run_check
 from curvcasadi.lie import quaternion, so3
+from curvcasadi.ocp.mpc import functions
 from curvcasadi.reference_wings import hale_wing
 from curvcasadi.symbolic.layout import Layout, Part
 
@@ -43,7 +44,7 @@ MASS = model(
     {
         "x": [Part("place", 1, "m"), Part("speed", 1, "m/s")],
         "u": [Part("force", 1, "N", -2.0, 2.0)],
-        "p": [Part("gust", 1, "N")],
+        "p": [Part("gust", 1, "N", nominal=0.0)],
         "y": [Part("load", 2, "m")],
     },
     lambda x, u, p: ca.vertcat(x[1], -4 * x[0] + u + p),
@@ -560,3 +561,71 @@ def test_a_program_without_a_plan_within_its_bounds_says_so():
 def test_bad_calls_are_named(call, message):
     with pytest.raises(ValueError, match=message):
         tip_control().step(np.zeros(5), **call)
+
+
+def test_copies_have_plans_of_their_own_and_share_what_is_compiled():
+    first, x = tip_control(), np.zeros(5)
+    alike, softer = first.copy(), first.copy(moves={"q_command": 1.0}, solver="rti")
+    before = alike.step(x, reference=GOAL).plan
+    first.step(x, reference=GOAL)
+    first.step(np.full(5, 0.01), reference=GOAL)
+    alike.reset()
+    assert_allclose(alike.step(x, reference=GOAL).plan, before, rtol=0)
+    assert alike.function is first.function
+    # Other weights are another controller: as one that is made of them.
+    expected = tip_control(moves={"q_command": 1.0}, solver="rti").step(x, reference=GOAL)
+    assert_allclose(softer.step(x, reference=GOAL).plan, expected.plan, rtol=0)
+
+
+def test_weights_change_without_another_compilation(beam, monkeypatch):
+    compiled = []
+    compile_function = functions.compile_function
+    monkeypatch.setattr(
+        functions, "compile_function", lambda f: compiled.append(f.name()) or compile_function(f)
+    )
+    mpc = cc.Mpc(beam, dt=0.05, horizon=2, outputs={"position": 1.0}, moves={"force": 1e-6})
+    goal = {"position": [0.0, 16.0, 0.0]}
+    x = np.array([0.0, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    first = mpc.step(x, reference=goal)
+    assert len(compiled) == 2  # the step and the outputs
+    other = mpc.copy(moves={"force": 1e-3}, horizon=3).step(x, reference=goal)
+    assert len(compiled) == 2
+    assert abs(other.u[0]) < abs(first.u[0])
+
+
+def test_a_parameter_without_a_nominal_value_is_asked_for():
+    part = Part("airspeed", 1, "m/s")
+    parts = {"x": [Part("place", 1, "m")], "u": [Part("speed", 1, "m/s")], "p": [part]}
+    boat = model(
+        "boat", parts | {"y": [Part("way", 1, "m")]}, lambda x, u, p: u + p, lambda x, u, p: x
+    )
+    mpc = cc.Mpc(boat, dt=DT, horizon=3, outputs={"way": 1.0}, inputs={"speed": 1e-3})
+    for given in (None, {}):
+        with pytest.raises(
+            ValueError, match=r"p: expected airspeed \(m/s\), which the model has no"
+        ):
+            mpc.step([1.0], given)
+    expected = mpc.step([1.0], {"airspeed": 2.0}).u
+    for call in (
+        {"p": [2.0]},
+        {"preview": {"airspeed": 2.0}},
+        {"preview": {"airspeed": [2, 2, 2]}},
+    ):
+        mpc.reset()
+        assert_allclose(mpc.step([1.0], **call).u, expected, rtol=0)
+    # A gust that is not given is none.
+    still = cc.Mpc(MASS, dt=DT, horizon=3, outputs={"load": 1.0}, inputs={"force": 0.1})
+    expected = still.step([0.1, 0.0], [0.0]).u
+    still.reset()
+    assert_allclose(still.step([0.1, 0.0]).u, expected, rtol=0)
+
+
+@pytest.mark.parametrize(
+    "options", [{"solver": "ipopt"}, {"qp_solver": "hpipm"}, {"qp_solver": "daqp"}], ids=str
+)
+def test_solvers_without_c_name_the_ones_with_it(options, tmp_path):
+    mpc = tip_control(**options)
+    with pytest.raises(ValueError, match=r"functions: 'mpc' holds a part .*'own'"):
+        export_c([mpc], tmp_path)
+    # The advice is good.
+    export_c([mpc.copy(solver="sqp", qp_solver="own")], tmp_path)

@@ -39,6 +39,11 @@ _INSTEAD = {
     "erfinv": "an approximation of your own",
     "printme|Monitor": "the same without monitors and print options",
 }
+#: The same for solvers of this package.
+_OWN_SOLVER = (
+    "qp_solver='own', and of an Mpc solver='rti' or 'sqp', as in mpc.copy(solver='sqp', "
+    "qp_solver='own'), whose loop and quadratic programs are C of this package"
+)
 _ALLOWED_HEADERS = {"math.h", "stdarg.h", "stdio.h"}
 _LIBM = (
     "acos acosh asin asinh atan atan2 atanh ceil copysign cos cosh erf exp expm1 fabs floor fma "
@@ -201,6 +206,8 @@ def _refuse_unsupported(function: ca.Function, real: str) -> None:
 
 def _unsupported(function: ca.Function, part: str) -> ValueError:
     instead = [use for kinds, use in _INSTEAD.items() if re.search(kinds, part, re.I)]
+    if isinstance(function, SolverFunction) and not function.solver.is_exportable:
+        instead = [_OWN_SOLVER]
     return ValueError(
         f"functions: {function.name()!r} holds a part without self-contained C: {part}; "
         f"use {instead[0] if instead else 'parts that CasADi generates itself'}"

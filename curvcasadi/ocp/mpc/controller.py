@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from curvcasadi.control.model import ControlModel
 from curvcasadi.control.signals import stacked
 from curvcasadi.control.step import Method
 from curvcasadi.ocp.mpc import arguments, reasons, signals
+from curvcasadi.ocp.mpc.functions import ModelFunctions
 from curvcasadi.ocp.mpc.plan import Plan
 from curvcasadi.ocp.mpc.problem import MpcProblem
 from curvcasadi.ocp.mpc.result import MpcStep
@@ -148,6 +149,7 @@ class Mpc:
         compiled: bool | None = None,
         name: str = "mpc",
     ) -> None:
+        self._arguments = {key: value for key, value in locals().items() if key != "self"}
         function_name("name", name)
         self.model: ControlModel = instance("model", model, ControlModel)
         if not model.u.size:
@@ -163,6 +165,13 @@ class Mpc:
         self.u_trim = arguments.inputs_at_rest(model, u_trim, lower, upper)
         if method is None:
             method = "rk4" if model.second_order is None else "implicit_midpoint"
+        functions = ModelFunctions(
+            model=model,
+            dt=self.dt,
+            method=method,
+            substeps=count("substeps", substeps),
+            newton=bool(newton),
+        )
         self._problem = MpcProblem(
             model=model,
             name=name,
@@ -180,17 +189,15 @@ class Mpc:
         )
         self._solver = MpcSolver(
             problem=self._problem,
+            functions=functions,
             solver=solver,
             qp_solver=qp_solver,
             max_iter=count("max_iter", max_iter),
             tolerance=float(positive("tolerance", tolerance))
             if tolerance is not None
             else default_tolerance(model.real, solver),
-            method=method,
-            substeps=count("substeps", substeps),
-            newton=bool(newton),
+            compiled=model.second_order is not None if compiled is None else bool(compiled),
         )
-        self._native = model.second_order is not None if compiled is None else bool(compiled)
         self._calls: deque[list[Array]] = deque(maxlen=_EXAMPLES)
         self._plan = Plan(self.u_trim, self.horizon)
 
@@ -199,14 +206,34 @@ class Mpc:
             f"<Mpc {self._problem.name}: {self.model.name}, {self.horizon} stages of {self.dt:g} s>"
         )
 
-    @cached_property
+    @property
     def function(self) -> SolverFunction:
         """A step as a Function that `export_c` writes as C."""
-        return self._solver.function(native=False)
+        return self._solver.function
 
-    @cached_property
-    def _host(self) -> SolverFunction:
-        return self._solver.function(native=True) if self._native else self.function
+    def copy(self, **changes: Any) -> Mpc:
+        """Another controller with a plan of its own, which shares what is compiled of the model.
+
+        Parameters
+        ----------
+        **changes
+            Arguments of `Mpc` that are to be others: weights, bounds, horizon, solver. Of another
+            model, `dt`, `method`, `substeps` or `newton` the model is compiled anew.
+
+        Returns
+        -------
+        Mpc
+            It starts from the trimmed input.
+        """
+        other = Mpc(**{**self._arguments, **changes})
+        if not changes:
+            other._solver = self._solver
+        elif other._solver.functions == self._solver.functions:
+            other._solver = replace(other._solver, functions=self._solver.functions)
+        return other
+
+    def __copy__(self) -> Mpc:
+        return self.copy()
 
     def reset(self, u: Number | Mapping[str, Number] | None = None) -> None:
         """Forget the plan: the next step starts from the trimmed input.
@@ -226,7 +253,7 @@ class Mpc:
         """
         if self._calls:
             return [*self._calls]
-        return [self._inputs({}, None, {}, {})]
+        return [self._inputs({}, np.zeros(self.model.p.size), {}, {})]
 
     @property
     def descriptions(self) -> dict[str, str]:
@@ -256,7 +283,8 @@ class Mpc:
         x : array, shape (nx,), or mapping of str to array
             State. Parts that a mapping leaves out are zero, attitudes the identity.
         p : array, shape (np,), or mapping of str to array, optional
-            Parameters over the whole horizon; zero unless given.
+            Parameters over the whole horizon. Those that the model has a nominal value of, such as
+            gusts, may be left out; others, such as the airspeed, may not.
         reference : mapping of str to array, optional
             By name of an output, state or input with a weight: values, or columns, one for the end
             of each stage; a rotation as a matrix (3, 3), or columns (9, N). Zero unless given, for
@@ -273,11 +301,12 @@ class Mpc:
         Raises
         ------
         ValueError
-            For unknown names, wrong sizes, and numbers that are not finite. The controller is as it
-            was then: `fallback` gives an input.
+            For unknown names, wrong sizes, parameters that are missing, and numbers that are not
+            finite. The controller is as it was then: `fallback` gives an input.
         """
         inputs = self._inputs(x, p, reference or {}, preview or {})
-        found = dict(zip(self._host.name_out(), self._host.call(inputs), strict=True))
+        host = self._solver.host
+        found = dict(zip(host.name_out(), host.call(inputs), strict=True))
         numeric = {key: value.full() for key, value in found.items()}
         violation, stationarity = (float(numeric[k][0, 0]) for k in ("violation", "stationarity"))
         solved = all(np.all(np.isfinite(value)) for value in numeric.values()) and stationarity <= 1

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from curvcasadi.control.model import ControlModel
 from curvcasadi.lie import quaternion
-from curvcasadi.ocp.mpc.terms import Limit, Penalty, angle_function
+from curvcasadi.ocp.mpc.functions import ModelFunctions, NativeFunctions
+from curvcasadi.ocp.mpc.terms import Limit, Penalty
 from curvcasadi.solvers.stages import Stages
 from curvcasadi.symbolic.expressions import Array
 from curvcasadi.symbolic.layout import Layout
@@ -126,21 +127,13 @@ class MpcProblem:
     def _rate_rows(self) -> NDArray[np.intp]:
         return np.flatnonzero(np.isfinite(self.rates[0]) | np.isfinite(self.rates[1]))
 
-    def stages(self, step: ca.Function, outer: Any = lambda f: f) -> Stages:
-        """The problem for a step of the model, (x, u, p) -> x_next, residual.
-
-        Parameters
-        ----------
-        step : casadi.Function
-            Of which the Jacobian is used, too.
-        outer : callable
-            What is made of the Functions of errors and limits, such as native code.
-        """
+    def stages(self, functions: ModelFunctions | NativeFunctions) -> Stages:
+        """The problem, made of Functions of the model."""
         return Stages(
             count=self.count,
-            error=outer(self._error()),
-            step=self._step(step),
-            limits=outer(self._limits()),
+            error=self._error(functions),
+            step=self._step(functions.step),
+            limits=self._limits(functions),
             move_weight=0.0,
             damping=self.damping,
             relative=True,
@@ -193,7 +186,7 @@ class MpcProblem:
             {"always_inline": True},
         )
 
-    def _error(self) -> ca.Function:
+    def _error(self, functions: ModelFunctions | NativeFunctions) -> ca.Function:
         """(z_end, p, goal) -> weighted errors, their Jacobian by dz_end, dense."""
         model = self.model
         z, p = ca.MX.sym("z", sum(self._sizes)), ca.MX.sym("p", model.p.size)
@@ -201,7 +194,7 @@ class MpcProblem:
         x, u, change, slacks, _ = self.split(z)
         sources = {"x": model.x.split(x), "u": model.u.split(u)}
         if any(penalty.source == "y" for penalty in self.penalties):
-            sources["y"] = model.y.split(model.output(x, u, p))
+            sources["y"] = model.y.split(functions.output(x, u, p))
         sizes = [penalty.part.size for penalty in self.penalties]
         goals = ca.vertsplit(goal, np.cumsum([0, *sizes]).tolist())
         errors = [
@@ -216,7 +209,7 @@ class MpcProblem:
         slope = ca.jacobian(value, z) @ self._from_error(z)
         return ca.Function(f"{self.name}_stage_error", [z, p, goal], [value, ca.densify(slope)])
 
-    def _limits(self) -> ca.Function:
+    def _limits(self, functions: ModelFunctions | NativeFunctions) -> ca.Function:
         """(z, w, z_end, p) -> what is bounded, its transposed Jacobian by (dz, w, dz_end)."""
         model, nu = self.model, self.model.u.size
         n = sum(self._sizes)
@@ -225,13 +218,12 @@ class MpcProblem:
         x, u, change, _, residual = self.split(end)
         sources: dict[str, ca.MX] = {"x": x}
         if any(limit.source == "y" for limit in self.limits):
-            sources["y"] = model.output(x, u, p)
-        angles = angle_function(model)
-        if angles is not None and any(limit.source == "angles" for limit in self.limits):
-            sources["angles"] = angles(x)
+            sources["y"] = functions.output(x, u, p)
+        if any(limit.source == "angles" for limit in self.limits) and functions.angles:
+            sources["angles"] = ca.MX(functions.angles(x))
         if any(limit.source == "rate" for limit in self.limits):
             applied = ca.diag(ca.DM(self.scale)) @ w[:nu]
-            sources["rate"] = model.xdot(self.split(z)[0], applied, p)
+            sources["rate"] = functions.xdot(self.split(z)[0], applied, p)
         values, slack = [ca.MX(0, 1)], nu
         for limit in self.limits:
             value = sources[limit.source][limit.rows.tolist(), :] / limit.unit

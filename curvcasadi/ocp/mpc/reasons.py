@@ -26,7 +26,7 @@ def exceeded(
 ) -> str:
     """Why a plan of a solved program does not count."""
     if solver.problem.is_implicit:
-        step = solver.step()
+        step = solver.functions.step
         residuals = [
             float(step(states[:, k], plan[:, k], parameters[:, k])[1]) for k in range(plan.shape[1])
         ]

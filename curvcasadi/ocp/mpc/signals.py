@@ -18,9 +18,29 @@ _LENGTH = 5e-3
 
 
 def parameters(layout: Layout, p: Any, preview: Mapping[str, Number], horizon: int) -> Array:
-    """(np, N) parameters of the stages."""
-    values = np.tile(stacked("p", layout, p)[:, None], horizon)
-    for key, value in instance("preview", preview, Mapping).items():
+    """(np, N) parameters of the stages: previewed, given, or nominal.
+
+    Raises
+    ------
+    ValueError
+        If a parameter without a nominal value is not given, among others.
+    """
+    instance("preview", preview, Mapping)
+    given = {} if p is None else p
+    if isinstance(given, Mapping):
+        known = {part.name: part.nominal for part in layout.parts if part.nominal is not None}
+        missing = [part for part in layout.parts if part.name not in {*known, *given, *preview}]
+        if missing:
+            names = ", ".join(f"{part.name} ({part.unit})" for part in missing)
+            raise ValueError(
+                f"p: expected {names}, which the model has no nominal value of, found none; give "
+                f"p={{{missing[0].name!r}: …}}"
+            )
+        sizes = {part.name: part.size for part in layout.parts}
+        nominal = {key: np.broadcast_to(value, sizes[key]) for key, value in known.items()}
+        given = {**nominal, **given}
+    values = np.tile(stacked("p", layout, given)[:, None], horizon)
+    for key, value in preview.items():
         part = _known("preview", layout.parts, key)
         values[layout.slices[key]] = _columns(f"preview[{key!r}]", part, value, horizon)
     return values

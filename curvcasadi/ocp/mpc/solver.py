@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 
-from curvcasadi.control.step import Method, step_function
 from curvcasadi.lie import quaternion, so3
+from curvcasadi.ocp.mpc.functions import ModelFunctions, NativeFunctions
 from curvcasadi.ocp.mpc.problem import MpcProblem
 from curvcasadi.ocp.targets import rotations_defect
 from curvcasadi.solvers.certificate import TOLERANCES, Bounds, larger
 from curvcasadi.solvers.embedded import EmbeddedSolver, SolverFunction, solver_function
 from curvcasadi.solvers.gauss_newton import GaussNewton
 from curvcasadi.solvers.interior_point import InteriorPoint
-from curvcasadi.symbolic.compiled import compile_function
 
 Solver = Literal["rti", "sqp", "ipopt"]
 
@@ -32,6 +32,8 @@ class MpcSolver:
     ----------
     problem : MpcProblem
         What is solved.
+    functions : ModelFunctions
+        Of its model.
     solver : {"rti", "sqp", "ipopt"}
         One quadratic program with a full step, programs until it converges, or IPOPT.
     qp_solver : str
@@ -40,46 +42,35 @@ class MpcSolver:
         Programs at most where it converges.
     tolerance : float
         Excess of limits over their units that counts as none.
-    method, substeps, newton : str, int, bool
-        As in `step_function`.
+    compiled : bool
+        Whether the model's Functions are native code in Python.
     """
 
     problem: MpcProblem
+    functions: ModelFunctions
     solver: Solver
     qp_solver: str
     max_iter: int
     tolerance: float
-    method: Method
-    substeps: int
-    newton: bool
+    compiled: bool
 
-    def step(self) -> ca.Function:
-        """(x, u, p) -> x_next, residual of the model over a stage."""
-        return step_function(
-            self.problem.model,
-            self.problem.dt,
-            method=self.method,
-            substeps=self.substeps,
-            newton=self.newton,
-        )
+    @cached_property
+    def function(self) -> SolverFunction:
+        """A step, of expressions.
 
-    def function(self, native: bool) -> SolverFunction:
-        """(x, p, u_previous, reference, guess) -> u, plan, states, slack, violation, stationarity.
-
-        Parameters
-        ----------
-        native : bool
-            Whether the stages are native code, which cannot be exported.
+        (x, p, u_previous, reference, guess) -> u, plan, states, slack, violation, stationarity.
         """
+        return self._function(self.functions)
+
+    @cached_property
+    def host(self) -> SolverFunction:
+        """The same for Python; of native code, which cannot be exported, where compiled."""
+        return self._function(self.functions.native) if self.compiled else self.function
+
+    def _function(self, functions: ModelFunctions | NativeFunctions) -> SolverFunction:
         described, name = self.problem, self.problem.name
         model = described.model
-        step = self.step()
-        if native:
-            stages = described.stages(
-                compile_function(step), lambda f: compile_function(f, derivatives=0)
-            )
-        else:
-            stages = described.stages(step)
+        stages = described.stages(functions)
         lower, upper = described.unknown_bounds
         limits = described.limit_bounds
         kind: Any = InteriorPoint if self.solver == "ipopt" else GaussNewton

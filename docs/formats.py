@@ -16,8 +16,8 @@ from curvcasadi.files.toml_reader import Key, Keys
 
 #: Modules that read tables, by the file in which these stand.
 MODULES = {
-    "Wing files": ("wing", "sections", "loads"),
-    "Motion in a wing file": ("scenario",),
+    "Wing files": ("wing", "beam", "basis", "sections", "loads"),
+    "Motion in a wing file": ("scenario", "timed_load"),
     "Sensors and filter in a wing file": ("sensors", "estimation"),
     "Study files": ("study",),
     "Aircraft files": ("aircraft", "aerodynamics"),

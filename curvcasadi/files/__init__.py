@@ -1,6 +1,7 @@
 """Files: wings, aircraft and sensors in TOML, weights, modes and shapes in CSV or NPZ."""
 
 from curvcasadi.files.aircraft import load_aircraft
+from curvcasadi.files.basis import FAMILIES as FAMILIES
 from curvcasadi.files.beamdyn import load_beamdyn_sections
 from curvcasadi.files.estimation import EstimationFile, load_estimation
 from curvcasadi.files.history import (
@@ -10,11 +11,12 @@ from curvcasadi.files.history import (
 )
 from curvcasadi.files.modes import load_modes, modal_basis, write_modes
 from curvcasadi.files.nastran import load_nastran_modes
-from curvcasadi.files.scenario import Scenario, TimedLoad, load_scenario, simulate_scenario
+from curvcasadi.files.scenario import Scenario, load_scenario, simulate_scenario
 from curvcasadi.files.sharpy import load_sharpy_sections
 from curvcasadi.files.simulation import write_simulation
 from curvcasadi.files.study import GustStudy, load_study
-from curvcasadi.files.wing import FAMILIES as FAMILIES, WingFile, load_beam, load_wing
+from curvcasadi.files.timed_load import TimedLoad
+from curvcasadi.files.wing import WingFile, load_beam, load_wing
 
 __all__ = [
     "EstimationFile",

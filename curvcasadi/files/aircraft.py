@@ -13,8 +13,10 @@ from typing import Any
 
 from curvcasadi.aircraft.parts import Aircraft, LiftingSurface, RigidBody, Thrust, Wing, mirror_wing
 from curvcasadi.beam.beam import Beam
-from curvcasadi.files import toml_reader as toml, wing as wing_file
+from curvcasadi.files import toml_reader as toml
 from curvcasadi.files.aerodynamics import read_strips
+from curvcasadi.files.basis import basis_of, grid_of
+from curvcasadi.files.beam import beam_values_of, root_of
 from curvcasadi.files.loads import read_load
 from curvcasadi.files.sections import read_body, read_section
 from curvcasadi.files.toml_reader import Key, Keys
@@ -178,10 +180,10 @@ def _wing(table: toml.Table) -> Wing:
 
 def _beam(table: toml.Table) -> Beam:
     section = read_section(table.table("section"))
-    values = wing_file.beam_values_of(table.table("beam"))
+    values = beam_values_of(table.table("beam"))
     description = {
-        "basis": wing_file.basis_of(table.table("basis"), section, values["length"]),
-        "grid": wing_file.grid_of(table.table("grid")),
+        "basis": basis_of(table.table("basis"), section, values["length"]),
+        "grid": grid_of(table.table("grid")),
         "section": section,
         "bodies": tuple(read_body(entry) for entry in table.tables("bodies")),
         **values,
@@ -214,7 +216,7 @@ def _mirrored(table: toml.Table, originals: dict[str, Wing]) -> Wing:
 
 def _surface(table: toml.Table) -> LiftingSurface:
     values = table.read(SURFACE)
-    pose, strips = wing_file.root_of(table.table("pose")), read_strips(table.table("aerodynamics"))
+    pose, strips = root_of(table.table("pose")), read_strips(table.table("aerodynamics"))
     with table.owning_errors():
         return LiftingSurface(name=values["name"], area=values["area"], pose=pose, strips=strips)
 

@@ -14,9 +14,10 @@ from curvcasadi.beam.beam import Beam
 from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf
 from curvcasadi.estimation.ekf.maker import shape_ekf
 from curvcasadi.files import toml_reader as toml
+from curvcasadi.files.beam import root_of
 from curvcasadi.files.sensors import read_sensor
 from curvcasadi.files.toml_reader import Key, Keys
-from curvcasadi.files.wing import read_wing, root_of
+from curvcasadi.files.wing import read_wing
 from curvcasadi.sensors import RootMotion, Sensor
 from curvcasadi.sensors.channels import sensor_channels
 

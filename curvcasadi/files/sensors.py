@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from curvcasadi import sensors as kinds
 from curvcasadi.files import toml_reader as toml
+from curvcasadi.files.beam import root_of
 from curvcasadi.files.toml_reader import Key, Keys
-from curvcasadi.files.wing import root_of
 from curvcasadi.lie import so3
 from curvcasadi.sensors import Sensor
 from curvcasadi.symbolic.expressions import rotation_vector

@@ -8,10 +8,11 @@ and three strain gauges at 100 Hz are noisy and 20 ms late; one sample in twenty
 the gust, 1.5 s of calm air let the filter settle; their root moment is what the controller
 keeps.
 Without preview the controller expects that the estimated gust stays (or "none"); preview is an
-upper bound. The wings fly as one batch: each is a lane of a vector register.
+upper bound. The wings fly as one batch: each is a lane of a vector register. `--animate` writes a
+GIF of the first wing.
 """
 
-from dataclasses import replace
+import argparse
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import curvcasadi as cc
+from curvcasadi.plotting import animate_shape
 from curvcasadi.reference_wings import hale_wing
 
 AIRSPEED, PITCH, DENSITY = 20.0, np.radians(3.0), 0.0889
@@ -27,7 +29,7 @@ GUST = cc.OneMinusCosine(amplitude=2.0, duration=1.5, start=0.25)
 CALM, END, FLIGHTS = 1.5, 2.5, 2  # s: before and from time 0
 FINE, SAMPLE, DT, HORIZON = 1e-3, 0.01, 0.05, 20  # s: of the plant, sensors, controller; stages
 LAG, LATE, MISSING = 0.02, 2, 0.05  # s, of the actuators; samples; share of them
-VARIED, SPEED = np.array([0.1, 0.1, 0.05]), 1.0  # GJ, EI, mass; m/s
+VARIED, SPEED = {"GJ": 0.1, "EI": 0.1, "mass": 0.05}, 1.0  # largest changes, relative and in m/s
 MOMENT, DEFLECTION, MOVE = 1 / 50**2, 0.02, 0.05  # weights
 MODEL = {"weights": (3, 3, 1), "elements": 6, "modes": 3, "entry": 1}
 PLANT = {"weights": (4, 5, 3), "elements": 10, "modes": None, "entry": None}
@@ -54,15 +56,16 @@ SENSORS = (
 
 
 class Flights(NamedTuple):
-    """Of all flights of one case."""
+    """All wings in one case: entries by time, then by wing."""
 
-    moments: np.ndarray  # (T, flights), N m
-    flaps: np.ndarray  # (T, flights, 2), rad
-    gusts: np.ndarray  # (T, flights), estimated, m/s
+    moments: np.ndarray  # N m
+    flaps: np.ndarray  # of the inner and the outer one, rad
+    gusts: np.ndarray  # as the filter estimates them, m/s
+    weights: np.ndarray  # rad/m
 
 
-def wing_model(name, weights, elements, modes, entry, varied=None):
-    """The wing with two flaps; `varied` are factors of GJ, EI and mass."""
+def wing_model(name, weights, elements, modes, entry, factors=None):
+    """The wing with two flaps; `factors` of GJ, EI and mass become parameters."""
     flaps = tuple(
         cc.ControlSurface(name=key, start=start, end=end, lift=3.5, moment=-0.6)
         for key, start, end in (("inner", 0.2, 0.6), ("outer", 0.6, 0.95))
@@ -70,12 +73,7 @@ def wing_model(name, weights, elements, modes, entry, varied=None):
     strips = cc.StripAerodynamics(
         chord=1.0, aerodynamic_center=0.25, lift_slope=2 * np.pi, controls=flaps, stations=8
     )
-    nominal = beam = hale_wing(*weights, grid=cc.Grid.lobatto(elements))
-    if varied is not None:
-        names = ("GJ", "EI_y", "EI_z", "mass_per_length")
-        factors = dict(zip(names, (varied[k] for k in (0, 1, 1, 2)), strict=True))
-        new = {key: factor * getattr(beam.section, key) for key, factor in factors.items()}
-        beam = replace(beam, section=replace(beam.section, **new))
+    beam = cc.perturbed_beam(hale_wing(*weights, grid=cc.Grid.lobatto(elements)), **factors or {})
     model = cc.wing_model(
         cc.Wing(name="right", beam=beam, strips=strips),
         density=DENSITY,
@@ -83,10 +81,10 @@ def wing_model(name, weights, elements, modes, entry, varied=None):
         gust=cc.GustEntry(kind="kussner", modes=entry),
         damping=2e-3,
         outputs=["root_moment"],
-        parameters={} if varied is None else {"varied": varied},
+        parameters=factors or {},
         name=name,
     )
-    return nominal, model
+    return beam, model
 
 
 def trim(model, airspeed, **others):
@@ -95,63 +93,65 @@ def trim(model, airspeed, **others):
 
 
 class Plant:
-    """The wings that fly: their steps, readings and root moments, in batches."""
+    """The wings that fly, one for each seed: their steps, readings and outputs, in batches."""
 
     def __init__(self, seeds):
-        beam, model = wing_model("plant", **PLANT, varied=ca.MX.sym("varied", 3))
-        n = beam.basis.n
+        factors = {name: ca.MX.sym(name) for name in VARIED}
+        self.beam, self.model = beam, model = wing_model("plant", **PLANT, factors=factors)
         x, u, p = (ca.MX.sym(k, size) for k, size in (("x", model.x.size), ("u", 2), ("p", 6)))
-        q_ddot = model.xdot(x, u, p)[n : 2 * n]
-        readings = cc.measure(SENSORS, beam, x[:n], x[n : 2 * n], q_ddot, ROOT)
-        moment = -model.output(x, u, p)[1]  # it bends the root upward
-        read = ca.Function("read", [x, u, p], [readings.values, moment], {"cse": True})
+        q, q_dot = (x[model.x.slices[key]] for key in ("q", "q_dot"))
+        q_ddot = model.xdot(x, u, p)[model.x.slices["q_dot"]]
+        readings = cc.measure(SENSORS, beam, q, q_dot, q_ddot, ROOT)
+        read = ca.Function("read", [x, u, p], [readings.values], {"cse": True})
         self.noise, self.read = readings.noise, cc.compile_batch(read)
-        self.step = cc.compile_batch(cc.rk4_step(model, FINE))
+        self.step, self.output = map(cc.compile_batch, (cc.rk4_step(model, FINE), model.output))
         draws = np.array([np.random.default_rng(seed).uniform(-1, 1, 4) for seed in seeds])
-        self.varied, self.airspeed = 1 + VARIED * draws[:, :3], AIRSPEED + SPEED * draws[:, 3]
-        self.trims = np.array(
-            [trim(model, v, varied=k) for k, v in zip(self.varied, self.airspeed, strict=True)]
-        )
+        self.factors = 1 + draws[:, :3] * [*VARIED.values()]
+        self.airspeed = AIRSPEED + SPEED * draws[:, 3:]
+        self.trims = np.array([
+            trim(model, float(speed), **dict(zip(VARIED, factors, strict=True)))
+            for (speed,), factors in zip(self.airspeed, self.factors, strict=True)
+        ])  # fmt: skip
 
-    def parameters(self, cases, gust):
+    def parameters(self, time):
         one = np.ones_like(self.airspeed)
-        columns = [self.airspeed, PITCH * one, gust * one, *self.varied.T]
-        return np.tile(np.column_stack(columns), (cases, 1))
+        return np.hstack([self.airspeed, PITCH * one, float(GUST(time)) * one, self.factors])
 
-
-class Filter:
-    """An extended Kalman filter for each flight, and what it expects of the present."""
-
-    def __init__(self, beam, model, flights):
-        process = cc.ModelProcess(
-            model=model, density=NOISE, estimated={"gust": None}, acceleration=0.2
+    def fly(self, control, rates=1.0, gust=0, **sensed):
+        """Times and motion of all wings; `gust` is the entry of estimates that holds it."""
+        loop = cc.closed_loop(
+            self.step,
+            self.trims,
+            control,
+            SAMPLE * np.arange(-round(CALM / SAMPLE), round(END / SAMPLE)),
+            substeps=round(SAMPLE / FINE),
+            actuators=cc.Actuators(lag=LAG, rate=rates),
+            p=self.parameters,
+            u=np.zeros(2),
+            every=round(DT / SAMPLE),
+            **sensed,
         )
-        ekf = cc.shape_ekf(beam, SENSORS, process=process, root=ROOT, recovery=10)
-        rest = trim(model, AIRSPEED)
-        start = ekf.initial(START, {k: rest[where] for k, where in model.x.slices.items()})
-        self.state = np.tile(start.state[:, None], flights)
-        self.factor = np.tile(start.factor, flights)
-        functions = (cc.compile_function(f, derivatives=0) for f in (ekf.predict, ekf.update))
-        self.predict, self.update = (f.map(flights) for f in functions)
-        self.known, self.nx = np.tile([[AIRSPEED], [PITCH]], flights), model.x.size
-
-    def take(self, samples, flaps):
-        belief = self.predict(self.state, self.factor, SAMPLE, flaps.T, self.known)
-        self.state, self.factor, *_ = self.update(*belief, samples.T, flaps.T, self.known)
-
-    def present(self, flaps):
-        """State (flights, nx) and gust (flights,) after the deflections since the last sample."""
-        state, factor = self.state, self.factor
-        for held in flaps:
-            state, factor = self.predict(state, factor, SAMPLE, held.T, self.known)
-        rows = np.array(state).T
-        return rows[:, : self.nx], rows[:, self.nx]
+        flat = (np.concatenate(rows) for rows in (loop.x, loop.u, loop.p))
+        moments = -self.output(*flat)[:, 1].reshape(len(loop.t), -1)  # they bend the root upward
+        weights = loop.x[:, :, self.model.x.slices["q"]]
+        return loop.t, Flights(moments, loop.u, loop.estimates[:, :, gust], weights)
 
 
-def controller(model, flaps):
-    """One real-time iteration every 50 ms."""
+def observer(beam, model, flights):
+    """A filter for each flight, which estimates the gust, too."""
+    process = cc.ModelProcess(
+        model=model, density=NOISE, estimated={"gust": None}, acceleration=0.2
+    )
+    ekf = cc.shape_ekf(beam, SENSORS, process=process, root=ROOT, recovery=10)
+    rest = trim(model, AIRSPEED)
+    start = ekf.initial(START, {k: rest[where] for k, where in model.x.slices.items()})
+    return cc.DelayedFilter(ekf, start, dt=SAMPLE, delay=LATE, lanes=flights, p=[AIRSPEED, PITCH])
+
+
+def controller(model, flaps, kind, flights):
+    """Real-time iterations, one every 50 ms, that keep the root moment of calm air."""
     names = [part.name for part in model.u.parts]
-    return cc.Mpc(
+    mpc = cc.Mpc(
         model,
         dt=DT,
         horizon=HORIZON,
@@ -161,6 +161,22 @@ def controller(model, flaps):
         bounds={k: (-most, most) for k, most in zip(names, flaps[0], strict=True)},
         rate_bounds=dict(zip(names, flaps[1], strict=True)),
     )
+    controllers, calm = [mpc.copy() for _ in range(flights)], []
+
+    def control(time, estimates, applied):
+        x, gusts = estimates[:, : model.x.size], estimates[:, model.x.size]
+        known = [np.array([AIRSPEED, PITCH, gust]) for gust in gusts]
+        if time < -SAMPLE / 2:
+            now = zip(x, applied, known, strict=True)
+            calm.append([model.output(*arguments).full().ravel() for arguments in now])
+            return 0 * applied
+        goals = np.mean(calm[len(calm) // 2 :], axis=0)
+        return [
+            each.step(state, p, {"root_moment": goal}, {"gust": expected(kind, time, p[2])}).u
+            for each, state, p, goal in zip(controllers, x, known, goals, strict=True)
+        ]
+
+    return control
 
 
 def expected(kind, time, gust):
@@ -172,50 +188,17 @@ def expected(kind, time, gust):
 
 def simulate(seeds=range(FLIGHTS)):
     """Times, and `Flights` by case: one flight of each case for each seed."""
-    plant, (beam, model), n = Plant(seeds), wing_model("model", **MODEL), len(seeds)
-    lanes = [case for case in CASES.values() for _ in seeds]
-    made = {flaps: controller(model, SETS[flaps]) for flaps in dict.fromkeys(k for k, _ in lanes)}
-    controls = [made[flaps].copy() for flaps, _ in lanes]
-    ekf, rng = Filter(beam, model, len(lanes)), np.random.default_rng(0)
-    most = FINE * np.array([SETS[flaps][1] for flaps, _ in lanes])
-    repeat = len(CASES) + 1  # with the open loop, whose flights are the first lanes
-    x = np.tile(plant.trims, (repeat, 1))
-    at = command = np.zeros((len(lanes), 2))
-    rest, calm, late, held, log = np.zeros((n, 2)), [], [], [], []
-    times = SAMPLE * np.arange(-round(CALM / SAMPLE), round(END / SAMPLE))
-    for k, time in enumerate(times):
-        p = plant.parameters(repeat, float(GUST(time)))
-        values, moments = plant.read(x, np.vstack([rest, at]), p)
-        noise = plant.noise * rng.normal(size=(n, len(plant.noise)))  # alike in all cases
-        noise[rng.random(noise.shape) < MISSING] = np.nan
-        late.append(values[n:] + np.tile(noise, (len(CASES), 1)))
-        held.append(at)
-        if k >= LATE:
-            ekf.take(late[-1 - LATE], held[-1 - LATE])
-        if k % round(DT / SAMPLE) == 0:
-            states, gusts = ekf.present(held[-LATE:])
-            known = [np.array([AIRSPEED, PITCH, gust]) for gust in gusts]
-            if time < -SAMPLE / 2:
-                now = zip(states, at, known, strict=True)
-                calm.append([model.output(*arguments).full().ravel() for arguments in now])
-            else:
-                goals = np.mean(calm[len(calm) // 2 :], axis=0)
-                command = np.array([
-                    control.step(
-                        state, p, {"root_moment": goal}, {"gust": expected(kind, time, p[2])}
-                    ).u
-                    for control, state, p, goal, (_, kind) in zip(
-                        controls, states, known, goals, lanes, strict=True
-                    )
-                ])  # fmt: skip
-        log.append((moments.ravel(), np.vstack([rest, at]), np.hstack([0 * rest[:, 0], gusts])))
-        for j in range(round(SAMPLE / FINE)):
-            at = at + np.clip((command - at) * (1 - np.exp(-FINE / LAG)), -most, most)
-            p = plant.parameters(repeat, float(GUST(time + (j + 0.5) * FINE)))
-            x = plant.step(x, np.vstack([rest, at]), p)
-    columns = [np.split(np.array(rows), repeat, axis=1) for rows in zip(*log, strict=True)]
-    names = ("open loop", *CASES)
-    return times, {name: Flights(*(c[i] for c in columns)) for i, name in enumerate(names)}
+    plant, (beam, model) = Plant(seeds), wing_model("model", **MODEL)
+    times, rest = plant.fly(lambda time, x, applied: 0 * applied)
+    found = {"open loop": rest}
+    for name, (size, kind) in CASES.items():
+        flaps = SETS[size]
+        link = cc.SensorLink(noise=plant.noise, delay=LATE, loss=MISSING, seeds=seeds)
+        ekf = observer(beam, model, len(seeds))
+        control = controller(model, flaps, kind, len(seeds))
+        sensed = {"read": plant.read, "link": link, "observer": ekf}
+        found[name] = plant.fly(control, flaps[1], model.x.size, **sensed)[1]
+    return times, found
 
 
 def changes(found):
@@ -245,7 +228,7 @@ def plot(times, found):
     return figure
 
 
-def main(directory=Path("out")):
+def main(directory=Path("out"), animate=False):
     times, found = simulate()
     relief = changes(found)
     for name, change in relief.items():
@@ -253,8 +236,15 @@ def main(directory=Path("out")):
         print(f"{name}: largest increment of the root moment {mean:+.0f} %, worst {worst:+.0f} %")
     directory.mkdir(exist_ok=True)
     plot(times, found).savefig(directory / "gust_load_alleviation_from_sensors.png", dpi=150)
+    if animate:
+        beam = hale_wing(*PLANT["weights"])
+        weights = [*found.values()][-1].weights[::4, 0]
+        file = directory / "gust_load_alleviation_from_sensors.gif"
+        animate_shape(beam, times[::4], weights, file)
     return relief
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--animate", action="store_true", help="write a GIF of the wing")
+    main(animate=parser.parse_args().animate)

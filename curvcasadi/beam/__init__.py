@@ -32,6 +32,7 @@ from curvcasadi.beam.modal import (
     ModalBasis,
     Modes,
 )
+from curvcasadi.beam.perturbed import perturbed_beam
 from curvcasadi.beam.pose import (
     Pose,
 )
@@ -68,5 +69,6 @@ __all__ = [
     "WingGeometry",
     "condense_axial",
     "mirror",
+    "perturbed_beam",
     "wing_root",
 ]

@@ -1,8 +1,10 @@
 """Models as a control engineer sees them: x, u, p, y."""
 
+from curvcasadi.control.actuators import Actuators
 from curvcasadi.control.aircraft_model import aircraft_model
 from curvcasadi.control.attitude_law import AttitudeFeedback, attitude_feedback, attitude_law
 from curvcasadi.control.beam_model import beam_model
+from curvcasadi.control.closed_loop import ClosedLoop, Observer as Observer, closed_loop
 from curvcasadi.control.damping import modal_damping
 from curvcasadi.control.design import (
     DesignDerivatives,
@@ -32,7 +34,9 @@ from curvcasadi.control.trimmed_state import TrimmedState, trimmed_state
 from curvcasadi.control.wing_model import wing_model
 
 __all__ = [
+    "Actuators",
     "AttitudeFeedback",
+    "ClosedLoop",
     "ControlModel",
     "DesignDerivatives",
     "FlightMode",
@@ -47,6 +51,7 @@ __all__ = [
     "attitude_feedback",
     "attitude_law",
     "beam_model",
+    "closed_loop",
     "design_derivatives",
     "difference",
     "divergence_derivatives",

@@ -1,5 +1,6 @@
 """Shapes from measurements: filters, fits, and where sensors should sit."""
 
+from curvcasadi.estimation.ekf.delayed import DelayedFilter
 from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf
 from curvcasadi.estimation.ekf.maker import shape_ekf
 from curvcasadi.estimation.ekf.run import run_ekf
@@ -13,6 +14,7 @@ from curvcasadi.estimation.placement.placement import Placement, place_sensors
 from curvcasadi.estimation.process import RandomWalk, WhiteAcceleration
 
 __all__ = [
+    "DelayedFilter",
     "Estimate",
     "ModelProcess",
     "Placement",

@@ -4,6 +4,7 @@ from curvcasadi.kinematics.root_motion import RootMotion as RootMotion
 from curvcasadi.sensors.channels import Channels as Channels, sensor_channels
 from curvcasadi.sensors.frames import Frames as Frames, Mount as Mount, point as point
 from curvcasadi.sensors.gauges import ShearGauge, StrainGauge
+from curvcasadi.sensors.link import SensorLink
 from curvcasadi.sensors.measurement import (
     Measurement as Measurement,
     measure,
@@ -27,6 +28,7 @@ __all__ = [
     "Marker",
     "RateGyro",
     "Sensor",
+    "SensorLink",
     "ShearGauge",
     "StrainGauge",
     "measure",

@@ -1,0 +1,117 @@
+"""A filter on a control model whose samples arrive late: what it knows of the present."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf
+from curvcasadi.symbolic.compiled import compile_function
+from curvcasadi.symbolic.expressions import Array, count, instance, numbers, positive
+
+
+class DelayedFilter:
+    """An extended Kalman filter for each lane, of samples that are late by whole intervals.
+
+    A sample that arrives is that of `delay` intervals ago. The filter stands at its time: it
+    predicts and updates there, with the inputs that were applied then. `present` predicts from
+    there to now with the inputs since.
+
+    Parameters
+    ----------
+    ekf : ShapeEkf
+        A filter on a control model, of `shape_ekf`.
+    start : Estimate
+        What every lane starts from: the result of `ShapeEkf.initial`.
+    dt : float
+        Interval of the samples, s.
+    delay : int
+        Age of the samples that arrive, in intervals.
+    lanes : int
+        How many wings there are.
+    p : array, shape (np,) or (lanes, np), optional
+        Parameters of the model that are known, such as airspeed and pitch, in their order.
+    compiled : bool
+        Whether the filter becomes native code, which takes a while and pays off in long runs.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not of that kind.
+    """
+
+    def __init__(
+        self,
+        ekf: ShapeEkf,
+        start: Estimate,
+        *,
+        dt: float,
+        delay: int = 0,
+        lanes: int = 1,
+        p: ArrayLike = (),
+        compiled: bool = True,
+    ) -> None:
+        instance("ekf", ekf, ShapeEkf)
+        instance("start", start, Estimate)
+        if not ekf.inputs:
+            raise ValueError(
+                "ekf: expected a filter on a control model, shape_ekf(..., process=model)"
+            )
+        self._dt, lanes = positive("dt", dt), count("lanes", lanes)
+        known = ekf.inputs["p"].size if "p" in ekf.inputs else 0
+        try:
+            self._p = np.broadcast_to(numbers("p", p), (lanes, known)).T
+        except ValueError:
+            raise ValueError(
+                f"p: expected shape ({known},) or ({lanes}, {known}), found {np.shape(p)}"
+            ) from None
+        self._predict, self._update = (
+            (compile_function(f, derivatives=0) if compiled else f).map(lanes)
+            for f in (ekf.predict, ekf.update)
+        )
+        self._state = ca.repmat(start.state, 1, lanes)
+        self._factor = ca.repmat(start.factor, 1, lanes)
+        self._applied: deque[Array] = deque(maxlen=count("delay", delay, 0) + 1)
+
+    def take(self, samples: ArrayLike | None, u: ArrayLike) -> None:
+        """Go on by an interval, with the samples that arrive.
+
+        Parameters
+        ----------
+        samples : array, shape (lanes, m), or None
+            Readings of `delay` intervals ago, NaN where there is none; None before the first.
+        u : array, shape (lanes, nu)
+            Inputs that are applied at present.
+        """
+        self._applied.append(self._rows("u", u, self._predict.size1_in("u")))
+        if samples is None:
+            return
+        inputs = self._inputs(self._applied[0])
+        belief = self._predict(self._state, self._factor, self._dt, *inputs)
+        measured = self._rows("samples", samples, self._update.size1_in("measured"))
+        self._state, self._factor, *_ = self._update(*belief, measured.T, *inputs)
+
+    def present(self) -> Array:
+        """State of the filter at present.
+
+        Returns
+        -------
+        array, shape (lanes, nz)
+            Parts as in `ShapeEkf.layout`.
+        """
+        state, factor = self._state, self._factor
+        for u in list(self._applied)[1:]:
+            state, factor = self._predict(state, factor, self._dt, *self._inputs(u))
+        return np.array(state).T
+
+    def _rows(self, name: str, values: ArrayLike, size: int) -> Array:
+        array, shape = np.array(values, dtype=float), (self._state.shape[1], size)
+        if array.shape != shape:
+            raise ValueError(f"{name}: expected shape {shape}, found {array.shape}")
+        return array
+
+    def _inputs(self, u: Array) -> list[Array]:
+        return [u.T, self._p] if self._p.size else [u.T]

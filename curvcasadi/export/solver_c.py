@@ -48,7 +48,10 @@ class SolverC:
         found = [solver.begin, solver.finish]
         found += [solver.advance] if solver.rounds else []
         direct = [problem.linearization, problem.values]
-        return found + ([stages.error, stages.step, stages.limits] if stages else direct)
+        if not stages:
+            return found + direct
+        last = [stages.terminal] if stages.terminal else []
+        return [*found, stages.error, stages.step, stages.limits, *last]
 
     def sizes(self, work: Mapping[str, int]) -> dict[str, int]:
         """Lengths of its buffers, for those of the work vectors of its parts."""
@@ -72,7 +75,7 @@ class SolverC:
         stages = self.problem.stages
         if stages is None:
             return 0
-        nr, n = stages.error.nnz_out(0), self.problem.n
+        nr, n = max(stages.error.nnz_out(0), _terminal_size(stages)), self.problem.n
         entries = max(sum(map(len, rows)) for rows in stages.sensitivities)
         derivatives = stages.step.nnz_out(1) + stages.step.nnz_out(2) + stages.limits.nnz_out(1)
         return 2 * entries + nr + nr * stages.nd + derivatives + n + nr * n + 2 * stages.nx
@@ -110,9 +113,11 @@ class SolverC:
         fields = [
             *(stages.count, stages.inputs, stages.nx, stages.nd, stages.nu),
             *(stages.parameter_sizes[1], stages.error.nnz_out(0), stages.limits.nnz_out(0)),
-            *(len(goals), stages.step.nnz_in(2) if stages.varying else 0),
+            *(_terminal_size(stages), len(goals)),
+            stages.step.nnz_in(2) if stages.varying else 0,
             *(f"{name}_held", f"{name}_goals"),
             *(self.symbol(f) for f in (stages.error, stages.step, stages.limits)),
+            self.symbol(stages.terminal) if stages.terminal else 0,
             *(f"{name}_{key}_{part}" for key in "abcg" for part in ("row", "col")),
             *map(_real, (stages.move_weight, stages.input_weight, stages.damping)),
             int(stages.relative),
@@ -220,6 +225,10 @@ _CONDENSED = """\
     failed = {call};
   }} else
 """
+
+
+def _terminal_size(stages: Stages) -> int:
+    return int(stages.terminal.nnz_out(0)) if stages.terminal else 0
 
 
 def _by_columns(transposed: ca.Sparsity) -> Rows:

@@ -53,6 +53,9 @@ class Stages:
         one; empty where each stage has its own.
     varying : bool
         Whether the parameters hold one p for each stage, or the same for all.
+    terminal : casadi.Function or None
+        (x_end) -> residual (nt, 1), its Jacobian by dx_end (nt, nd), dense; of the last stage, in
+        addition to its `error`.
     """
 
     count: int
@@ -65,6 +68,7 @@ class Stages:
     relative: bool = False
     hold: tuple[int, ...] = ()
     varying: bool = False
+    terminal: ca.Function | None = None
 
     @property
     def nx(self) -> int:
@@ -162,11 +166,13 @@ class Stages:
             value, ct = self.limits(x, u, end, p)
             values.append(value)
             slopes.append(ca.vertcat(G, choose, G_end).T @ ct)
-            residual, J = self.error(end, p, *self.goals(parts, k))
-            M = J @ G_end
-            f += ca.sumsqr(residual) / 2
-            g += M.T @ residual
-            H += M.T @ M
+            errors = [self.error(end, p, *self.goals(parts, k))]
+            errors += [self.terminal(end)] if self.terminal and k == self.count - 1 else []
+            for residual, J in errors:
+                M = J @ G_end
+                f += ca.sumsqr(residual) / 2
+                g += M.T @ residual
+                H += M.T @ M
             if self.move_weight:
                 move, both = u - last, (choose - before).T
                 f += self.move_weight * ca.sumsqr(move) / 2

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from curvcasadi.control.linearize import LinearModel
 from curvcasadi.control.model import ControlModel
 from curvcasadi.control.signals import stacked
 from curvcasadi.control.step import Method
@@ -18,6 +19,7 @@ from curvcasadi.ocp.mpc.plan import Plan
 from curvcasadi.ocp.mpc.problem import MpcProblem
 from curvcasadi.ocp.mpc.result import MpcStep
 from curvcasadi.ocp.mpc.solver import MpcSolver, Solver, default_tolerance
+from curvcasadi.ocp.mpc.terminal import terminal_cost
 from curvcasadi.solvers.embedded import SolverFunction
 from curvcasadi.symbolic.expressions import (
     Array,
@@ -43,7 +45,7 @@ class Mpc:
     At every step it minimizes, over inputs that are held over the stages,
 
         ½ Σ_k Σ_outputs weight |y_k − reference_k|² + ½ Σ_k Σ_inputs weight |u_k − reference_k|²
-          + ½ Σ_k moves |u_k − u_{k−1}|² + ½ Σ_k soft slack_k²
+          + ½ Σ_k moves |u_k − u_{k−1}|² + ½ Σ_k soft slack_k² + terminal cost
 
     over the stages k = 1 … N at whose ends outputs are taken, subject to the model's step, the
     bounds of its layouts and those given. Attitudes are compared on the group, by the rotation
@@ -83,6 +85,11 @@ class Mpc:
         another of CasADi's QP solvers, such as "hpipm", for Python alone.
     states : mapping of str to float or array
         Weights of parts of the state.
+    terminal : LinearModel, optional
+        `linearize(model, x, u, p)` at an equilibrium: the end of the last stage then costs what the
+        linear regulator needs from there in infinite time without bounds, ½ zᵀ P z of Riccati's
+        equation with the weights above. References and the trimmed input are those of the
+        equilibrium unless given; others do not move the end that the cost asks for.
     blocks : sequence of int, optional
         Numbers of stages over which each unknown input is held, together `horizon`; one each unless
         given.
@@ -119,7 +126,7 @@ class Mpc:
     ------
     ValueError
         For names that the model does not have, weights below zero, bounds that contradict each
-        other, and a horizon without stages.
+        other, a horizon without stages, and a terminal cost that does not exist.
     """
 
     def __init__(
@@ -137,6 +144,7 @@ class Mpc:
         solver: Solver = "rti",
         qp_solver: str = "own",
         states: Mapping[str, Number] | None = None,
+        terminal: LinearModel | None = None,
         blocks: Sequence[int] | None = None,
         u_trim: Number | Mapping[str, Number] | None = None,
         scales: Mapping[str, float] | None = None,
@@ -162,6 +170,8 @@ class Mpc:
         bounds, rate_bounds = bounds or {}, rate_bounds or {}
         limits = arguments.limits(model, bounds, rate_bounds, soft or {})
         lower, upper = arguments.input_bounds(model, bounds)
+        if u_trim is None and isinstance(terminal, LinearModel):
+            u_trim = terminal.u
         self.u_trim = arguments.inputs_at_rest(model, u_trim, lower, upper)
         if method is None:
             method = "rk4" if model.second_order is None else "implicit_midpoint"
@@ -187,6 +197,9 @@ class Mpc:
             is_implicit=method != "rk4",
             damping=float(positive("damping", damping, zero=True)),
         )
+        if terminal is not None:
+            cost = terminal_cost(self._problem, functions, terminal)
+            self._problem = replace(self._problem, terminal=cost)
         self._solver = MpcSolver(
             problem=self._problem,
             functions=functions,
@@ -199,6 +212,7 @@ class Mpc:
             compiled=model.second_order is not None if compiled is None else bool(compiled),
         )
         self._calls: deque[list[Array]] = deque(maxlen=_EXAMPLES)
+        self._at_rest = signals.rest(self._problem, self.u_trim)
         self._plan = Plan(self.u_trim, self.horizon)
 
     def __repr__(self) -> str:
@@ -288,7 +302,8 @@ class Mpc:
         reference : mapping of str to array, optional
             By name of an output, state or input with a weight: values, or columns, one for the end
             of each stage; a rotation as a matrix (3, 3), or columns (9, N). Zero unless given, for
-            attitudes the identity, for inputs the trimmed one.
+            attitudes the identity, for inputs the trimmed one; with a `terminal` cost those of its
+            equilibrium.
         preview : mapping of str to array, optional
             By name of a parameter: columns, one for each stage, in place of p.
 
@@ -375,7 +390,7 @@ class Mpc:
             stacked("x", self.model.x, x)[:, None],
             signals.parameters(self.model.p, p, preview, self.horizon),
             self._plan.applied[:, None],
-            signals.references(self._problem, self.u_trim, reference),
+            signals.references(self._problem, self._at_rest, reference),
             self._plan.inputs,
         ]
 

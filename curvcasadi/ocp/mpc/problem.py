@@ -16,10 +16,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from curvcasadi.control.error_state import difference
 from curvcasadi.control.model import ControlModel
 from curvcasadi.lie import quaternion
 from curvcasadi.ocp.mpc.functions import ModelFunctions, NativeFunctions
-from curvcasadi.ocp.mpc.terms import Limit, Penalty
+from curvcasadi.ocp.mpc.terms import Limit, Penalty, Terminal
 from curvcasadi.solvers.stages import Stages
 from curvcasadi.symbolic.expressions import Array
 from curvcasadi.symbolic.layout import Layout
@@ -58,6 +59,8 @@ class MpcProblem:
         Whether the step has a residual to check.
     damping : float
         Weight of |w − guess|² in every program.
+    terminal : Terminal or None
+        Cost of the end of the last stage, beside that of every stage.
     """
 
     model: ControlModel
@@ -73,6 +76,7 @@ class MpcProblem:
     scale: Array
     is_implicit: bool
     damping: float
+    terminal: Terminal | None = None
 
     @property
     def soft(self) -> tuple[Limit, ...]:
@@ -139,7 +143,17 @@ class MpcProblem:
             relative=True,
             hold=self.hold,
             varying=True,
+            terminal=self._terminal(self.terminal) if self.terminal else None,
         )
+
+    def goal(self, x: Array, u: Array, y: Array) -> Array:
+        """The reference (ng,) of which these state, input and outputs miss nothing."""
+        of = {"x": (self.model.x, x), "u": (self.model.u, u), "y": (self.model.y, y)}
+        pieces = [np.zeros(0)]
+        for penalty in self.penalties:
+            layout, values = of[penalty.source]
+            pieces.append(values[layout.slices[penalty.part.name]])
+        return np.concatenate(pieces)
 
     @property
     def _sizes(self) -> list[int]:
@@ -208,6 +222,15 @@ class MpcProblem:
         value = ca.vertcat(*errors)
         slope = ca.jacobian(value, z) @ self._from_error(z)
         return ca.Function(f"{self.name}_stage_error", [z, p, goal], [value, ca.densify(slope)])
+
+    def _terminal(self, terminal: Terminal) -> ca.Function:
+        """(z_end) -> weighted error of the end, its Jacobian by dz_end, dense."""
+        z = ca.MX.sym("z", sum(self._sizes))
+        x, u, *_ = self.split(z)
+        away = ca.vertcat(difference(self.model, ca.MX(ca.DM(terminal.x)), x), u - terminal.u)
+        value = ca.DM(terminal.factor) @ away
+        slope = ca.jacobian(value, z) @ self._from_error(z)
+        return ca.Function(f"{self.name}_stage_terminal", [z], [value, ca.densify(slope)])
 
     def _limits(self, functions: ModelFunctions | NativeFunctions) -> ca.Function:
         """(z, w, z_end, p) -> what is bounded, its transposed Jacobian by (dz, w, dz_end)."""

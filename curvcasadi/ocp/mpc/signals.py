@@ -46,28 +46,38 @@ def parameters(layout: Layout, p: Any, preview: Mapping[str, Number], horizon: i
     return values
 
 
-def references(problem: MpcProblem, u_trim: Array, given: Mapping[str, Number]) -> Array:
-    """(ng, N) references of the stages."""
+def rest(problem: MpcProblem, u_trim: Array) -> Array:
+    """The reference (ng,) unless one is given: of the terminal equilibrium, or zero.
+
+    Of attitudes the identity, of inputs the trimmed one.
+    """
+    if problem.terminal:
+        return problem.goal(problem.terminal.x, problem.terminal.u, problem.terminal.y)
+    return np.concatenate(
+        [np.zeros(0), *(_neutral(problem, u_trim, penalty) for penalty in problem.penalties)]
+    )
+
+
+def references(problem: MpcProblem, at_rest: Array, given: Mapping[str, Number]) -> Array:
+    """(ng, N) references of the stages; those at rest unless given."""
     penalties, horizon = problem.penalties, problem.count
     for key in instance("reference", given, Mapping):
         _known("reference", tuple(penalty.part for penalty in penalties), key)
-    rows = []
+    found, first = np.tile(at_rest[:, None], horizon), 0
     for penalty in penalties:
         part, name = penalty.part, f"reference[{penalty.part.name!r}]"
         if part.name in given:
             value = given[part.name]
             if penalty.is_rotation and _shape(value) == (3, 3):
                 value = rotation_matrix(name, value).full().ravel(order="F")
-            found = _columns(name, part, value, horizon)
-            _check_attitudes(name, penalty, found)
-            rows.append(found)
-        else:
-            rows.append(np.tile(_neutral(problem, u_trim, penalty)[:, None], horizon))
-    return np.concatenate([np.zeros((0, horizon)), *rows])
+            columns = _columns(name, part, value, horizon)
+            _check_attitudes(name, penalty, columns)
+            found[first : first + part.size] = columns
+        first += part.size
+    return found
 
 
 def _neutral(problem: MpcProblem, u_trim: Array, penalty: Penalty) -> Array:
-    """The reference unless one is given."""
     if penalty.is_rotation:
         return np.tile(np.eye(3).ravel(), penalty.part.size // 9)
     if penalty.source == "u":

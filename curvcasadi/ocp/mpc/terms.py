@@ -98,6 +98,26 @@ class Limit:
         return largest if largest > 0 else 1.0
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Terminal:
+    """½ |factor (δ, u − u_rest)|², of the state and the input at the end of the last stage.
+
+    Attributes
+    ----------
+    x, u : array, shape (nx,), (nu,)
+        The equilibrium.
+    y : array, shape (ny,)
+        Its outputs.
+    factor : array, shape (rank, nd + nu)
+        Of P = factorᵀ factor.
+    """
+
+    x: Array
+    u: Array
+    y: Array
+    factor: Array
+
+
 def sizes(lower: Array, upper: Array) -> Array:
     """Sizes of what lies between bounds: half their range; 0 where that is none.
 

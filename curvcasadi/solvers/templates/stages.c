@@ -3,13 +3,15 @@
    entries. Rows of the sensitivities G_k = dx_k/du and of the limits have fixed patterns. */
 
 struct gn_stages {
-  int count, inputs, nx, nd, nu, np, nr, nc, goals;
+  int count, inputs, nx, nd, nu, np, nr, nc;
+  int nt, goals;              /* errors of the end of the last stage; goals of a stage */
   int p_step;                 /* from the p of a stage to that of the next */
   const short *held;          /* of each stage, which of the inputs it has */
   const short *goal_sizes;    /* of one stage */
   gn_function error;          /* (x_end, p, goals ...) -> r, its Jacobian by dx_end */
   gn_function step;           /* (x, u, p) -> x_end, A', B' */
   gn_function limits;         /* (x, u, x_end, p) -> c, its transposed Jacobian by (dx, u, dx_end) */
+  gn_function terminal;       /* (x_end) -> r, its Jacobian by dx_end; of the last stage, too, or 0 */
   const short *a_row, *a_col; /* rows of A, B and of the limits' Jacobian */
   const short *b_row, *b_col, *c_row, *c_col;
   const short *g_row, *g_col; /* rows of G_1 ... G_N in turn */
@@ -98,25 +100,25 @@ static void gn_limit_rows(const gn_stages *s, int k, const short *row, const sho
   }
 }
 
-/* Objective, gradient and Hessian of the error r at the end of stage k, of slope j by dx_(k+1) */
-static void gn_add_error(const gn_stages *s, int k, const qp_real *r, const qp_real *j,
+/* Objective, gradient and Hessian of nr errors r at the end of stage k, of slope j by dx_(k+1) */
+static void gn_add_error(const gn_stages *s, int k, int nr, const qp_real *r, const qp_real *j,
                          const qp_real *g_end, qp_real *slope, gn_point *at) {
   const short *row = s->g_row + k * s->nd;
   const int n = (s->held[k] + 1) * s->nu;
   qp_real *h = at->h;
   int i, e;
-  qp_zero(s->nr * n, slope);
+  qp_zero(nr * n, slope);
   for (i = 0; i < s->nd; ++i) {
     for (e = row[i]; e < row[i + 1]; ++e) {
-      qp_add(s->nr, g_end[e - row[0]], j + i * s->nr, slope + s->g_col[e] * s->nr);
+      qp_add(nr, g_end[e - row[0]], j + i * nr, slope + s->g_col[e] * nr);
     }
   }
-  at->f += qp_dot(s->nr, r, r) / 2;
+  at->f += qp_dot(nr, r, r) / 2;
   for (i = 0; i < n; ++i) {
-    const qp_real *by = slope + i * s->nr;
-    at->g[i] += qp_dot(s->nr, by, r);
+    const qp_real *by = slope + i * nr;
+    at->g[i] += qp_dot(nr, by, r);
     for (e = 0; e <= i; ++e) {
-      h[e] += qp_dot(s->nr, by, slope + e * s->nr);
+      h[e] += qp_dot(nr, by, slope + e * nr);
     }
     h += i + 1;
   }
@@ -172,10 +174,11 @@ static int gn_condense(const gn_stages *s, const short *row, const short *col, c
   const int entries = gn_most_entries(s);
   const qp_real *p = parameters + s->nx, *before = p + s->np, *x = parameters;
   qp_real *g = gn_take(&work, entries), *g_end = gn_take(&work, entries);
-  qp_real *ends[2], *r = gn_take(&work, s->nr), *j = gn_take(&work, s->nr * s->nd);
+  const int nr = s->nr > s->nt ? s->nr : s->nt;
+  qp_real *ends[2], *r = gn_take(&work, nr), *j = gn_take(&work, nr * s->nd);
   qp_real *a = gn_take(&work, s->a_row[s->nd]), *b = gn_take(&work, s->b_row[s->nd]);
   qp_real *c = gn_take(&work, GN_ENTRIES(s->c_row, s->nc));
-  qp_real *line = gn_take(&work, n), *slope = gn_take(&work, s->nr * n);
+  qp_real *line = gn_take(&work, n), *slope = gn_take(&work, nr * n);
   int i, k, failed = 0;
   ends[0] = gn_take(&work, s->nx);
   ends[1] = gn_take(&work, s->nx);
@@ -208,10 +211,17 @@ static int gn_condense(const gn_stages *s, const short *row, const short *col, c
     scratch->res[0] = r;
     scratch->res[1] = j;
     failed = failed || s->error(scratch->arg, scratch->res, scratch->iw, scratch->w, 0);
-    gn_add_error(s, k, r, j, g_end, slope, at);
+    gn_add_error(s, k, s->nr, r, j, g_end, slope, at);
     x = end;
     g = g_end;
     g_end = last;
+  }
+  if (s->terminal && !failed) {
+    scratch->arg[0] = x;
+    scratch->res[0] = r;
+    scratch->res[1] = j;
+    failed = s->terminal(scratch->arg, scratch->res, scratch->iw, scratch->w, 0);
+    gn_add_error(s, s->count - 1, s->nt, r, j, g, slope, at);
   }
   gn_add_damping(s, at);
   return failed;

@@ -13,9 +13,8 @@ from scipy.special import kv
 import curvcasadi as cc
 from benchmarks.statics import case, smith_wing, strip_load
 from benchmarks.table import Check, Table, checked
-from curvcasadi.aero.state_rates import state_rates
 from curvcasadi.aero.unsteady import UnsteadyAirload
-from curvcasadi.dynamics.inertia import inertial_mesh
+from curvcasadi.dynamics.functions import balance_function
 from curvcasadi.symbolic.expressions import Array
 from tests.support.strip_wings import goland, hale
 
@@ -156,28 +155,40 @@ def _nodes() -> Iterator[Check]:
 
     The six aerodynamic stations divide the elements: four make ten.
     """
-    wing = hale((3, 4, 2), 4)
+    for elements, high in ((4, 10000.0), (6, 14000.0)):
+        motion = wing_motion(elements)
+        nodes, slopes = (float(f.n_instructions()) for f in (motion, motion.jacobian()))
+        what = f"wing model, 9 weights, 6 lag states, six stations, {elements} elements"
+        yield Check(what=f"nodes of a {what}", value=nodes, high=high, form="{:.0f}")
+        yield Check(
+            what=f"nodes of its derivative over it, {elements} elements",
+            value=slopes / nodes,
+            high=12.0,
+            form="{:.2f}",
+        )
+
+
+def wing_motion(elements: int) -> ca.Function:
+    """The equations of motion of `wing_model` as one long expression."""
+    wing = hale((3, 4, 2), elements)
     assert wing.strips is not None
-    q, q_dot, q_ddot, states, speed = (
-        ca.SX.sym(name, size)
-        for name, size in (("q", 9), ("q_dot", 9), ("q_ddot", 9), ("lag", 6), ("airspeed", 1))
-    )
+    states, speed, pitch = ca.SX.sym("lag", 6), ca.SX.sym("airspeed"), ca.SX.sym("pitch")
+    c, s = ca.cos(pitch), ca.sin(pitch)
     load = UnsteadyAirload(
         strips=wing.strips,
-        flow=cc.Flow(density=0.0889, velocity=ca.vertcat(speed, 0, 0)),
+        flow=cc.Flow(density=0.0889, velocity=speed * ca.vertcat(c, 0, s)),
         lag=cc.IndicialLag(poles=2, modes=3),
         states=states,
     )
-    loads = [load, cc.Gravity([0, 0, 9.80665])]
-    boundaries = inertial_mesh(wing.beam, loads).stations
-    outputs = [
-        cc.inverse_dynamics(wing.beam, q, q_dot, q_ddot, loads),
-        state_rates(wing.beam, q, q_dot, load, ca.DM.eye(3), boundaries).value,
-    ]
-    residual = ca.Function("f", [q, q_dot, q_ddot, states, speed], outputs, {"cse": True})
-    yield Check(
-        what="nodes of a wing model, 9 weights, 6 lag states, six stations, four elements",
-        value=float(residual.n_instructions()),
-        high=14000,
-        form="{:.0f}",
+    attitude = ca.vertcat(ca.horzcat(c, 0, s), ca.horzcat(0, 1, 0), ca.horzcat(-s, 0, c))
+    root = cc.RootMotion(
+        pose=cc.Pose(rotation=attitude, position=[0, 0, 0]), gravity=[0, 0, 9.80665]
+    )
+    return balance_function(
+        wing.beam,
+        [load],
+        load.parts.projection,
+        {"lag": states, "airspeed": speed, "pitch": pitch},
+        root=root,
+        form="unrolled",
     )

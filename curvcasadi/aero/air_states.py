@@ -97,8 +97,3 @@ def gained(
     if entry.kind == "kussner":
         return lagged, ca.DM(entry.poles.amplitudes).T @ of_entry
     return lagged + (1 - float(np.sum(amplitudes))) * of_entry, zero
-
-
-def in_front(entry: GustEntry | None) -> bool:
-    """Whether a single entry state stands in front of the lag states."""
-    return entry is not None and entry.kind == "lag"

@@ -25,7 +25,8 @@ from curvcasadi.aero.strip import StripAerodynamics
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics.shape import poses
-from curvcasadi.loads.stations import Contributions, Coupling, Load, Mesh, WrenchFormula
+from curvcasadi.loads.formulas import WrenchFormula
+from curvcasadi.loads.stations import Contributions, Coupling, Load, Mesh
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,

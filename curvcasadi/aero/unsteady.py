@@ -19,7 +19,6 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from curvcasadi.aero import section
 from curvcasadi.aero.air_states import StateParts, gained, state_parts
 from curvcasadi.aero.airload import Flow
 from curvcasadi.aero.gust import GustEntry
@@ -28,7 +27,9 @@ from curvcasadi.aero.induced_load import frozen_map
 from curvcasadi.aero.lag_states import IndicialLag
 from curvcasadi.aero.stations import air_stations, section_data
 from curvcasadi.aero.strip import StripAerodynamics
+from curvcasadi.aero.strip_formula import StripFormula
 from curvcasadi.beam.beam import Beam
+from curvcasadi.loads.formulas import Formula, LocalFormula
 from curvcasadi.loads.stations import Contributions, Load, Mesh
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
@@ -123,14 +124,22 @@ class UnsteadyAirload(Load):
         """Airloads are integrated at stations of their own."""
         return False
 
+    @property
+    def formula(self) -> Formula:
+        """Wrench of a strip, and the rates of the values that its states have there."""
+        strip = StripFormula.of(self.lag, self.entry)
+        return LocalFormula(strip, strip.vectors)
+
     def contributions(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
-        """φ₀, what else adds to u_e, the velocity through the air, and the data of the strip."""
-        parts = self.parts
+        """The velocity through the air and the gust, then the data of `StripFormula`."""
+        parts, strip = self.parts, StripFormula.of(self.lag, self.entry)
         direct = 1.0 if self.lag is None else 1.0 - float(np.sum(self.lag.amplitudes))
-        added = self._gained(beam, parts, direct)
-        velocity = self.flow.velocity - to_parent @ self.flow.wind
+        values = parts.values(self.states) if parts.size else ca.DM(0, len(parts.stations))
+        added = self._gained(beam, values, direct)
+        stream = self.flow.velocity - to_parent @ self.flow.wind
+        gusts = to_parent @ ca.repmat(self.gust, 1, len(parts.stations) // self.gust.shape[1])
         for k, (xi, weight) in enumerate(parts.stations):
-            strip = section_data(
+            section = section_data(
                 self.strips,
                 xi,
                 self.deflections,
@@ -138,30 +147,15 @@ class UnsteadyAirload(Load):
                 measure=weight * beam.length,
                 apparent=float(self.apparent_mass),
             )
-            yield mesh.node(xi), ca.vertcat(direct, added[k], velocity, strip.pack())
+            vectors = [stream, gusts[:, k]][: strip.vectors]
+            data = ca.vertcat(*vectors, direct, added[k], values[:, k], section.pack())
+            yield mesh.node(xi), data
 
-    def _gained(self, beam: Beam, parts: StateParts, direct: float) -> list[AnyExpr]:
+    def _gained(self, beam: Beam, values: AnyExpr, direct: float) -> list[AnyExpr]:
         """u_e − φ₀ u of each station, which is of states alone."""
-        if not parts.size:
-            return [0.0] * len(parts.stations)
-        lagged, entered = gained(self.lag, self.entry, parts.values(self.states))
+        lagged, entered = gained(self.lag, self.entry, values)
         if self.induced_flow is not None and self.lag is not None:
             steady = frozen_map(self.induced_flow, beam, self.strips)
             whole = lagged / float(np.sum(self.lag.amplitudes))
             lagged = (steady @ whole.T).T - direct * whole
         return ca.horzsplit(lagged + entered)
-
-    @staticmethod
-    def wrench(
-        rotation: AnyExpr, position: AnyExpr, data: AnyExpr, twist: AnyExpr, acceleration: AnyExpr
-    ) -> AnyExpr:
-        """Wrench (moment, force), (6, 1), about the parent origin, parent axes."""
-        direct, gained, stream, packed = ca.vertsplit(data, [0, 1, 2, 5, 5 + section.SIZE])
-        strip, omega = section.unpack(packed), twist[:3]
-        velocity = twist[3:] + rotation.T @ stream
-        u = section.circulation(velocity, omega, strip).velocity
-        local = section.circulatory_wrench(velocity, omega, strip, u, direct * u + gained)
-        rate = acceleration[3:] - ca.cross(omega, velocity)
-        local += section.apparent_wrench(velocity, omega, rate, acceleration[:3], strip)
-        force = rotation @ local[3:]
-        return ca.vertcat(rotation @ local[:3] + ca.cross(position, force), force)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from curvcasadi.aircraft.flying_wing import wing_balance_function, wing_mass, wing_rates_function
+from curvcasadi.aircraft.flying_wing import wing_balance_function, wing_mass
 from curvcasadi.aircraft.free_air import (
     FreeAir,
     strip_points,
@@ -49,6 +49,7 @@ class Unbalanced(NamedTuple):
     wrench: AnyExpr  #: (6, 1) on the whole aircraft, N m and N, body axes
     residuals: dict[str, AnyExpr]  #: (n, 1) by wing, N m²
     needed: dict[str, AnyExpr]  #: wrench (6, 1) that each wing needs of the body, body axes
+    rates: AnyExpr  #: of all states of the air, m/s², in order
 
     @property
     def stacked(self) -> AnyExpr:
@@ -68,8 +69,8 @@ class FlightEquations:
         The air; None where there is none.
     gravity : float
         m/s², down.
-    balances, rates : dict of str to Function
-        Those of `flying_wing` by the name of the wing; rates of wings with states of the air.
+    balances : dict of str to Function
+        Those of `flying_wing` by the name of the wing.
     surfaces : dict of str to Function
         `free_air.surface_function` of each surface in the air.
     """
@@ -78,7 +79,6 @@ class FlightEquations:
     air: FreeAir | None
     gravity: float
     balances: dict[str, ca.Function]
-    rates: dict[str, ca.Function]
     surfaces: dict[str, ca.Function]
 
     @property
@@ -99,13 +99,8 @@ def flight_equations(
         wing.name: wing_balance_function(wing, air, f"{name}_{wing.name}")
         for wing in aircraft.beams
     }
-    rates, surfaces = {}, {}
+    surfaces = {}
     if air is not None:
-        rates = {
-            wing.name: wing_rates_function(wing, air, f"{name}_{wing.name}_rates")
-            for wing in aircraft.beams
-            if air.size(wing)
-        }
         surfaces = {
             surface.name: surface_function(surface, air, f"{name}_surface_{k}")
             for k, surface in enumerate(aircraft.surfaces)
@@ -115,7 +110,6 @@ def flight_equations(
         air=air,
         gravity=gravity,
         balances=balances,
-        rates=rates,
         surfaces=surfaces,
     )
 
@@ -126,47 +120,37 @@ def unbalanced(
     twist_rate: AnyExpr,
     q_ddot: Mapping[str, AnyExpr],
     inputs: Mapping[str, Any],
+    wind: Wind | None,
 ) -> Unbalanced:
-    """The equations of motion; `twist_rate` (6, 1) are the rates of the components of the twist."""
+    """The equations of motion; `twist_rate` (6, 1) are the rates of the components of the twist.
+
+    `wind` is the gust, None where there is none.
+    """
     aircraft = equations.aircraft
     down = state.attitude.T @ ca.vertcat(0, 0, equations.gravity)
     thrusts = {thrust.name: inputs[thrust.name] for thrust in aircraft.thrusts}
     wrench = body_wrench(body_inertia(aircraft), ParentMotion(state.twist, twist_rate, down))
     wrench = wrench - thrust_wrench(aircraft, thrusts)
-    for surface in aircraft.surfaces:
-        if surface.name in equations.surfaces:
-            wrench = wrench - _of_surface(equations, surface, state, twist_rate, None, inputs)[0]
-    residuals, needed = {}, {}
+    residuals, needed, rates = {}, {}, []
     for wing in aircraft.beams:
         key, function = wing.name, equations.balances[wing.name]
         known = {**state._asdict(), "twist_rate": twist_rate, "gravity": down, **inputs}
         known |= {"q": state.q[key], "q_dot": state.q_dot[key], "q_ddot": q_ddot[key]}
         known["lag"] = state.lag.get(key)
-        residuals[key], needed[key] = function(*(known[name] for name in function.name_in()))
-        wrench = wrench + needed[key]
-    return Unbalanced(wrench, residuals, needed)
-
-
-def air_rates(
-    equations: FlightEquations, state: FlightState, inputs: Mapping[str, Any], wind: Wind | None
-) -> AnyExpr:
-    """Rates of all states of the air, m/s², in order; `wind` is the gust."""
-    found = []
-    for wing in equations.aircraft.beams:
-        function = equations.rates.get(wing.name)
-        if function is None:
-            continue
-        known = {**state._asdict(), **inputs, "q": state.q[wing.name]}
-        known |= {"q_dot": state.q_dot[wing.name], "lag": state.lag[wing.name]}
-        if wind is not None:
+        if wind is not None and "gust" in function.name_in():
             points, _ = pose_function("strips", wing.beam, strip_points(wing))(known["q"])
             known["gust"] = gusts_at(state, points, wind)
-        found.append(function(*(known[name] for name in function.name_in())))
-    for surface in equations.aircraft.surfaces:
-        if surface.name in equations.states:
-            still = ca.DM.zeros(6)
-            found.append(_of_surface(equations, surface, state, still, wind, inputs)[1])
-    return ca.vertcat(*found)
+        arguments = (known[name] for name in function.name_in())
+        residuals[key], needed[key], found = function(*arguments)
+        wrench = wrench + needed[key]
+        rates.append(found)
+    for surface in aircraft.surfaces:
+        if surface.name in equations.surfaces:
+            load, found = _of_surface(equations, surface, state, twist_rate, wind, inputs)
+            wrench = wrench - load
+            rates.append(found)
+    moving = [rate for rate in rates if rate.numel()]
+    return Unbalanced(wrench, residuals, needed, ca.vertcat(type(wrench)(0, 1), *moving))
 
 
 def air_decays(equations: FlightEquations, state: FlightState) -> AnyExpr:

@@ -13,15 +13,15 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.aero import section
-from curvcasadi.aero.air_states import gained, in_front, state_parts
+from curvcasadi.aero.air_states import gained, state_parts
 from curvcasadi.aero.airload import Flow
 from curvcasadi.aero.apparent_mass import strip_apparent_mass
 from curvcasadi.aero.gust import GustEntry
 from curvcasadi.aero.induced import LiftingLine
 from curvcasadi.aero.lag_states import IndicialLag
-from curvcasadi.aero.state_rates import strip_rates
 from curvcasadi.aero.stations import air_stations, section_data
 from curvcasadi.aero.strip import StripAerodynamics
+from curvcasadi.aero.strip_formula import StripFormula
 from curvcasadi.aero.unsteady import UnsteadyAirload
 from curvcasadi.aircraft.parts import LiftingSurface, Wing
 from curvcasadi.kinematics.jacobian import to_body
@@ -106,10 +106,9 @@ def surface_function(surface: LiftingSurface, air: FreeAir, name: str) -> ca.Fun
     Twist and its rate are those of the body, the gust (3, 1) is in body axes; the wrench (moment,
     force), (6, 1), is about the body origin in body axes, N m and N; rates are those of the states.
     """
-    lag, entry = air.poles
-    count = len(lag) + len(entry)
+    formula = StripFormula.of(air.lag, air.entry)
     twist, rate = ca.SX.sym("twist", 6), ca.SX.sym("twist_rate", 6)
-    states, gust = ca.SX.sym("lag", count), ca.SX.sym("gust", 3)
+    states, gust = ca.SX.sym("lag", formula.count), ca.SX.sym("gust", 3)
     deflections = {key: ca.SX.sym(key) for key in surface.strips.inputs}
     strip = _surface_strip(surface, air, deflections).pack()
     rotation, position = surface.pose.rotation, surface.pose.position
@@ -118,18 +117,16 @@ def surface_function(surface: LiftingSurface, air: FreeAir, name: str) -> ca.Fun
     linear += ca.cross(twist[:3], ca.cross(twist[:3], position))
     acceleration = ca.vertcat(rotation.T @ rate[:3], rotation.T @ linear)
     direct = 1.0 - (0.0 if air.lag is None else float(np.sum(air.lag.amplitudes)))
-    still = ca.SX(3, 1)
-    data = ca.vertcat(direct, sum(gained(air.lag, air.entry, states)), still, strip)
-    wrench = UnsteadyAirload.wrench(rotation, position, data, local, acceleration)
-    rates = ca.SX(0, 1)
-    if count:
-        at_strip = ca.vertcat(states, still, gust, strip)
-        rates = strip_rates(lag, entry, in_front(air.entry), rotation, local, at_strip)
+    vectors = ca.horzcat(ca.SX(3, 1), rotation.T @ gust)[:, : formula.vectors]
+    data = ca.vertcat(direct, sum(gained(air.lag, air.entry, states)), states, strip)
+    values = formula(vectors, data, local, acceleration)
+    force = rotation @ values[3:6]
+    wrench = ca.vertcat(rotation @ values[:3] + ca.cross(position, force), force)
     inputs = {"twist": twist, "twist_rate": rate, "lag": states, "gust": gust, **deflections}
     return ca.Function(
         name,
         [*inputs.values()],
-        [ca.densify(wrench), ca.densify(rates)],
+        [ca.densify(wrench), ca.densify(values[6:])],
         [*inputs],
         ["wrench", "rates"],
         {"cse": True},

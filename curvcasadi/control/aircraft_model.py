@@ -17,7 +17,6 @@ from curvcasadi.aircraft.flight_equations import (
     FlightState,
     Wind,
     air_decays,
-    air_rates,
     flight_equations,
     flight_mass,
     unbalanced,
@@ -297,8 +296,7 @@ def _motion(
     q_ddot: Any = dict(zip(state.q, accelerations, strict=True))
     stiffness = ca.diagcat(ca.DM(6, 6), *(ca.DM(stiffness_matrix(w.beam)) for w in aircraft.beams))
     velocity = ca.vertcat(state.twist, *state.q_dot.values())
-    left = unbalanced(equations, state, twist_rate, q_ddot, inputs)
-    others = air_rates(equations, state, inputs, gusts.wind(p)) if equations.states else ca.MX(0, 1)
+    left = unbalanced(equations, state, twist_rate, q_ddot, inputs, gusts.wind(p))
     mass = flight_mass(equations, state.q)
     omega, linear, rates = ca.vertsplit(velocity, [0, 3, 6, ends[-1]])
     rate = ca.vertcat(omega, state.attitude @ linear, rates)
@@ -320,7 +318,7 @@ def _motion(
         balance=ca.Function(
             f"{name}_balance",
             [x, a, u, p],
-            [left.stacked + beta * (stiffness @ velocity), others],
+            [left.stacked + beta * (stiffness @ velocity), left.rates],
             ["x", "acceleration", "u", "p"],
             ["balance", "other_rates"],
         ),

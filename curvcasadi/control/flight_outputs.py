@@ -110,7 +110,7 @@ def flight_outputs(
     needed: Mapping[str, AnyExpr] = {}
     if any(not ROOT.keys().isdisjoint(names) for names in wanted.wings.values()):
         q_ddot = {key: rates[f"q_dot_{key}"] for key in state.q}
-        needed = unbalanced(equations, state, rates["twist"], q_ddot, inputs).needed
+        needed = unbalanced(equations, state, rates["twist"], q_ddot, inputs, wind).needed
     for wing in equations.aircraft.beams:
         asked, q = wanted.wings[wing.name], state.q[wing.name]
         found: dict[str, AnyExpr] = {}

@@ -55,11 +55,13 @@ def second_order_model(
     symbols = {key: ca.MX.sym(key, s.size) for key, s in (("x", x), ("u", u), ("p", p))}
     state, control, parameter = symbols.values()
     mass, _, _ = motion.matrices(state, parameter)
-    at_rest = motion.balance(state, ca.DM.zeros(motion.velocities), control, parameter)[0]
+    still, symbol = ca.MX.zeros(motion.velocities), ca.MX.sym("acceleration", motion.velocities)
+    at_rest, other_rates = motion.balance(state, still, control, parameter)
     acceleration = -ca.solve(mass, at_rest, "ldl")
-    other_rates = motion.balance(state, acceleration, control, parameter)[1]
     if not other_rates.numel():
         other_rates = ca.MX(0, 1)
+    elif ca.depends_on(motion.balance(state, symbol, control, parameter)[1], symbol):
+        other_rates = motion.balance(state, acceleration, control, parameter)[1]
     value = ca.vertcat(configuration_rates(x, motion, state), acceleration, other_rates)
     end = ca.MX.sym("out_xdot", x.size)
     xdot = with_jacobian(

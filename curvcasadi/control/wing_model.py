@@ -23,7 +23,7 @@ from curvcasadi.control.bending import element_angles
 from curvcasadi.control.model import ControlModel
 from curvcasadi.control.second_order import second_order_model
 from curvcasadi.control.spans import air_spans, curvature_spans
-from curvcasadi.control.wing_equations import equations, forces_function, rates_function
+from curvcasadi.control.wing_equations import equations, forces_function
 from curvcasadi.control.wing_outputs import (
     ACCELERATED,
     OUTPUTS,
@@ -32,7 +32,6 @@ from curvcasadi.control.wing_outputs import (
     output_function,
     output_layout,
 )
-from curvcasadi.dynamics.inertia import inertial_mesh
 from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.symbolic.expressions import (
     Number,
@@ -174,14 +173,7 @@ def wing_model(
     root = RootMotion(
         pose=Pose(rotation=attitude, position=ca.DM.zeros(3)), gravity=[0, 0, gravity]
     )
-    loads = [load, *wing.loads]
-    forces = forces_function(f"{name}_forces", wing, loads, symbols, root)
-    boundaries = inertial_mesh(beam, loads).stations
-    rates = (
-        rates_function(f"{name}_lag_rates", wing, load, attitude, boundaries, symbols)
-        if size
-        else None
-    )
+    forces = forces_function(f"{name}_forces", wing, load, symbols, root)
 
     x = Layout(
         (
@@ -200,7 +192,7 @@ def wing_model(
             *(Part(key, symbol.numel(), "SI") for key, symbol in design.items()),
         )
     )
-    motion = equations(name, wing, forces, rates, load, design, (x, u, p), damping)
+    motion = equations(name, wing, forces, load, design, (x, u, p), damping)
     model = second_order_model(
         name=name,
         x=x,

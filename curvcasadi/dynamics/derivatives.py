@@ -8,17 +8,27 @@ commute, so that their rates are S′ = 0, S″ = −ad(0, g) of the pose and S�
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 
 from curvcasadi.dynamics import fields
-from curvcasadi.dynamics.applied import data_slope, wrench_with_slopes
+from curvcasadi.dynamics.applied import LoadSlopes, data_slope, load_slopes
 from curvcasadi.dynamics.fields import Fields, Wrenches
 from curvcasadi.dynamics.system import ParentMotion, System
 from curvcasadi.lie import se3
 from curvcasadi.statics.energy import stiffness_matrix
 from curvcasadi.symbolic.expressions import AnyExpr, is_numeric
+
+
+class Rates(NamedTuple):
+    """Rates of what loads with states follow, station by station, and their derivatives."""
+
+    value: AnyExpr  #: (k, 1)
+    by_weights: AnyExpr  #: (k, columns)
+    by_rates: AnyExpr
+    by_accelerations: AnyExpr
+    by_parameters: AnyExpr = None  #: (k, m)
 
 
 class Derivatives(NamedTuple):
@@ -29,12 +39,14 @@ class Derivatives(NamedTuple):
     by_rates: AnyExpr  #: (n, columns)
     by_accelerations: AnyExpr  #: (n, columns): the mass matrix, and its coupling with the parent
     parent: Wrenches  #: wrench that the motion needs of the parent, parent axes, at its origin
+    rates: Rates
     by_parameters: AnyExpr = None  #: (n, m), or with the parent's rows first (6 + n, m)
 
 
 class Station(NamedTuple):
     state: AnyExpr  #: pose, spatial twist and acceleration, (24, 1)
     fields: Fields
+    loads: list[LoadSlopes]
     tangent: AnyExpr = None  #: L of the element inboard
 
 
@@ -52,7 +64,8 @@ def differentiate(
     `parameters` (m, 1) are symbols in loads, stiffness and inertia, and in the parent's motion.
     """
     n = system.beam.basis.n
-    driven = parameters is not None and any(_depends(x, parameters) for x in system.parent)
+    motion_of_parent = (system.parent.twist, system.parent.twist_rate)
+    driven = parameters is not None and any(_depends(x, parameters) for x in motion_of_parent)
     if driven and not root:
         full = differentiate(system, q, q_dot, q_ddot, root=True, parameters=parameters)
         return _without_root(full)
@@ -84,13 +97,22 @@ def differentiate(
         sums[2],
         _mass(sums[3], n, root),
         outboard._replace(by_weights=held),
+        _rates(stations, n + 6 * root, type(q)),
     )
     if parameters is None:
         return found
-    by_data = parameter_slopes(system, stations, q, parameters, root)
+    by_data, rates = parameter_slopes(system, stations, q, parameters, root)
     if driven:
-        by_data += _by_parent(found, system.parent, parameters)
-    return found._replace(by_parameters=by_data)
+        by_parent, rates_by_parent = _by_parent(found, system.parent, parameters)
+        by_data, rates = by_data + by_parent, rates + rates_by_parent
+    return found._replace(by_parameters=by_data, rates=found.rates._replace(by_parameters=rates))
+
+
+def _rates(stations: list[Station], columns: int, kind: Any) -> Rates:
+    """Those of all stations, below each other."""
+    empty = [kind(0, 1), *[kind(0, columns)] * 3]
+    rows = [[part[6:, :] for part in load] for station in stations for load in station.loads]
+    return Rates(*(ca.vertcat(*parts) for parts in zip(empty, *rows, strict=True)))
 
 
 def _outward(
@@ -98,14 +120,39 @@ def _outward(
 ) -> list[Station]:
     pattern, parent = system.chain.pattern, system.parent
     tangent, add = fields.tangent_step(pattern), fields.field_step(pattern, root)
-    start = ca.vertcat(system.beam.root.packed, parent.twist, parent.acceleration)
-    stations = [Station(ca.densify(start), _fields_of_root(system, root))]
-    for data in system.chain.data:
+    start = ca.densify(ca.vertcat(system.beam.root.packed, parent.twist, parent.acceleration))
+    at_root = _fields_of_root(system, root)
+    stations = [Station(start, at_root, _loads(system, 0, start, at_root, root))]
+    for k, data in enumerate(system.chain.data, start=1):
         state, at_start = stations[-1].state, stations[-1].fields
         state, *tangents = tangent(q, q_dot, q_ddot, state, data)
-        at_end = [add(field, part, data) for field, part in zip(at_start, tangents, strict=True)]
-        stations.append(Station(state, Fields(*at_end), tangents[0]))
+        at_end = Fields(*(add(*pair, data) for pair in zip(at_start, tangents, strict=True)))
+        loads = _loads(system, k, state, at_end, root)
+        stations.append(Station(state, at_end, loads, tangents[0]))
     return stations
+
+
+def _loads(system: System, k: int, state: AnyExpr, at: Fields, root: bool) -> list[LoadSlopes]:
+    """Loads on a station and their derivatives."""
+    columns = system.beam.basis.n + 6 * root
+    of_rates = _rates_of_rates(system, at, root)
+    return [
+        LoadSlopes(
+            *load_slopes(formula, data.numel(), columns)(
+                state, system.parent.gravity, data, *at, of_rates
+            )
+        )
+        for formula, data in system.loads[k]
+    ]
+
+
+def _rates_of_rates(system: System, at: Fields, root: bool) -> AnyExpr:
+    """S′ of a change of the rates of the weights and of the parent's twist."""
+    if not root:
+        return at.rates
+    bracket = se3.small_adjoint(system.parent.twist) / 2
+    rest = ca.DM.zeros(6, system.beam.basis.n)
+    return at.rates + ca.densify(ca.horzcat(bracket, rest))
 
 
 def _fields_of_root(system: System, root: bool) -> Fields:
@@ -124,17 +171,12 @@ def _add_station(
 ) -> Wrenches:
     """Wrenches outboard of a station with its own: what its inertia needs, less its loads."""
     mask, inertias = system.inertias
-    n, at = system.beam.basis.n, station.fields
-    of_rates = at.rates
-    if root:
-        bracket = se3.small_adjoint(system.parent.twist) / 2
-        of_rates = of_rates + ca.densify(ca.horzcat(bracket, ca.DM.zeros(6, n)))
-    step = fields.station_step(mask, n + 6 * root)
+    at = station.fields
+    step = fields.station_step(mask, system.beam.basis.n + 6 * root)
+    of_rates = _rates_of_rates(system, at, root)
     total = Wrenches(*step(station.state, inertias[k], *at, of_rates, *outboard))
-    for formula, data in system.loads[k]:
-        slopes_of = wrench_with_slopes(formula, data.numel(), n + 6 * root)
-        load = slopes_of(station.state, system.parent.gravity, data, *at, of_rates)
-        total = Wrenches(*(a - b for a, b in zip(total, load, strict=True)))
+    for load in station.loads:
+        total = Wrenches(*(a - b[:6, :] for a, b in zip(total, load, strict=True)))
     return total
 
 
@@ -152,42 +194,64 @@ def _mass(entries: AnyExpr, n: int, root: bool) -> AnyExpr:
 
 def parameter_slopes(
     system: System, stations: list[Station], q: AnyExpr, parameters: AnyExpr, root: bool
-) -> AnyExpr:
-    """Derivatives by parameters in stiffness, inertia and loads, and with `root` the parent's rows.
+) -> tuple[AnyExpr, AnyExpr]:
+    """Derivatives by parameters in stiffness, inertia, gravity and loads; and those of rates.
 
     dr/dp = dS/dp q + Σ_k S_kᵀ (∂W_k/∂data) d data/dp,      each ∂W_k/∂data by AD of one station
+
+    With `root` the parent's rows go first. Gravity acts on inertia alone: loads do not know it.
     """
     n, m, first = system.beam.basis.n, parameters.numel(), 6 * root
     mask, inertias = system.inertias
     gravity = system.parent.gravity
     total = _jacobian(stiffness_matrix(system.beam) @ q, parameters)
     total = ca.vertcat(ca.DM.zeros(first, m), total)
-    for station, inertia, acting in zip(stations, inertias, system.loads, strict=True):
+    rates = [type(q)(0, m)]
+    for station, inertia, loads, slopes in zip(
+        stations, inertias, system.loads, (s.loads for s in stations), strict=True
+    ):
         columns = station.fields.columns
-        if _depends(inertia, parameters):
+        if _depends(inertia, parameters) or _depends(gravity, parameters):
             slope_of = fields.inertia_slope(mask, n + first, m)
-            total += slope_of(station.state, inertia, columns, _jacobian(inertia, parameters))
-        for formula, data in acting:
-            if _depends(data, parameters) or (formula.order == 2 and _depends(gravity, parameters)):
-                load_slope = data_slope(formula, data.numel(), n + first, m)
-                changes = (_jacobian(data, parameters), _jacobian(gravity, parameters))
-                total -= load_slope(station.state, gravity, data, columns, *changes)
-    return total
+            both = (_jacobian(inertia, parameters), _jacobian(gravity, parameters))
+            total += slope_of(station.state, inertia, columns, *both)
+        for (formula, data), slope in zip(loads, slopes, strict=True):
+            rows = tuple(k for k in range(data.numel()) if _depends(data[k], parameters))
+            change = ca.DM.zeros(slope.value.numel() - 6, m)
+            if rows:
+                load_slope = data_slope(formula, data.numel(), rows, n + first, m)
+                changes = _jacobian(data[list(rows)], parameters)
+                work, change = load_slope(station.state, gravity, data, columns, changes)
+                total -= work
+            rates.append(change)
+    return total, ca.vertcat(*rates)
 
 
-def _by_parent(found: Derivatives, parent: ParentMotion, parameters: AnyExpr) -> AnyExpr:
-    """What parameters do by way of the twist of the parent, its rates and gravity."""
-    twist, acceleration = (_jacobian(x, parameters) for x in (parent.twist, parent.acceleration))
-    rates: AnyExpr = ca.vertcat(found.parent.by_rates, found.by_rates)
-    accelerations: AnyExpr = ca.vertcat(found.parent.by_accelerations, found.by_accelerations)
-    return rates[:, :6] @ twist + accelerations[:, :6] @ acceleration
+def _by_parent(
+    found: Derivatives, parent: ParentMotion, parameters: AnyExpr
+) -> tuple[AnyExpr, AnyExpr]:
+    """What parameters do by way of the twist of the parent and its rates."""
+    twist, rate = (_jacobian(x, parameters) for x in (parent.twist, parent.twist_rate))
+    by_rates: AnyExpr = ca.vertcat(found.parent.by_rates, found.by_rates)
+    by_accelerations: AnyExpr = ca.vertcat(found.parent.by_accelerations, found.by_accelerations)
+    forces = by_rates[:, :6] @ twist + by_accelerations[:, :6] @ rate
+    rates = found.rates
+    return forces, rates.by_rates[:, :6] @ twist + rates.by_accelerations[:, :6] @ rate
 
 
 def _without_root(full: Derivatives) -> Derivatives:
     wrench = Wrenches(full.parent.value, *(part[:, 6:] for part in full.parent[1:]))
     weights, rates, accelerations = (part[:, 6:] for part in full[1:4])
-    by_parameters = full.by_parameters[6:, :]
-    return Derivatives(full.residual, weights, rates, accelerations, wrench, by_parameters)
+    own = Rates(full.rates.value, *(part[:, 6:] for part in full.rates[1:4]))
+    return Derivatives(
+        full.residual,
+        weights,
+        rates,
+        accelerations,
+        wrench,
+        own._replace(by_parameters=full.rates.by_parameters),
+        full.by_parameters[6:, :],
+    )
 
 
 def _jacobian(value: AnyExpr, parameters: AnyExpr) -> AnyExpr:

@@ -20,10 +20,12 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from curvcasadi.dynamics.element_motion import Jet, element_tangent, leibniz
 from curvcasadi.dynamics.inertia import Inertia, Mask, masked, momentum, moved_to_parent
 from curvcasadi.kinematics import chain, element
 from curvcasadi.kinematics.chain import Pattern
-from curvcasadi.kinematics.motion import taylor, unpack_motion
+from curvcasadi.kinematics.motion import unpack_motion
+from curvcasadi.kinematics.state import StationMotion
 from curvcasadi.lie import se3, so3
 from curvcasadi.symbolic.expressions import AnyExpr
 
@@ -56,27 +58,48 @@ def tangent_step(pattern: Pattern) -> ca.Function:
     """(q, q_dot, q_ddot, state, data) -> state, L, L′, L″, (6, moments) each.
 
     State: pose, spatial twist and acceleration. L are derivatives of the strain's exponential by
-    the moments; its rates are those of one element along its motion, as Taylor polynomials.
+    the moments, with the position p⁺ of the end
+
+        L = [R J_l dθ; (R M + [p⁺×] R J_l) dθ + R J_l dv],
+
+    and its rates are those of an element whose start moves with the state.
     """
     symbols = chain.interval(pattern)
     rates = {name: ca.SX.sym(name, pattern.n) for name in ("q_dot", "q_ddot")}
-    state, t = ca.SX.sym("state", 24), ca.SX.sym("t")
-    start = unpack_motion(state, 2)
-    moving = [ca.densify(symbols.directions[1:, : pattern.n] @ rate) for rate in rates.values()]
-    rotation, position, moments = taylor(start, symbols.moments, moving, t)
-    rotation, position, angular, linear = element.advance_with_tangent(
-        rotation, position, symbols.h, moments, pattern.rule, pattern.exponential, pattern.degree
-    )
-    jet = [ca.densify(ca.vertcat(angular, linear)[:, 1:])]
-    for _ in rates:
-        rate = ca.jacobian(ca.vec(jet[-1]), t)
-        jet.append(ca.densify(ca.reshape(rate, *jet[0].shape)))
-    pose, *jet = ca.substitute([ca.veccat(rotation, position), *jet], [t], [ca.SX(0)])
-    twist = start.twist + jet[0] @ moving[0]
-    acceleration = start.acceleration + jet[1] @ moving[0] + jet[0] @ moving[1]
-    end = ca.vertcat(pose, twist, acceleration)
+    state = ca.SX.sym("state", 24)
+    start, element = unpack_motion(state, 2), element_tangent(pattern, symbols, [*rates.values()])
+    (theta, v), (d_theta, d_v) = element.strain, element.by_moments
+    left, moving = _turned(start, element.turning), _turned(start, element.moving)
+    rotation = start.rotation + left[0] @ so3.hat(theta[0])
+    positions, twists, shift, tangents = [start.position + left[0] @ v[0]], [], [], []
+    for k in range(3):
+        levers = leibniz(ca.mtimes, [so3.hat(p) for p in positions], left[: k + 1])
+        shift.append(moving[k] + levers[k])
+        tangents.append(
+            ca.vertcat(
+                leibniz(ca.mtimes, left, d_theta)[k],
+                leibniz(ca.mtimes, shift, d_theta[: k + 1])[k] + leibniz(ca.mtimes, left, d_v)[k],
+            )
+        )
+        if k < 2:
+            added = leibniz(ca.mtimes, left[: k + 1], theta[1 : k + 2])[k]
+            moved = leibniz(ca.mtimes, shift, theta[1 : k + 2])[k]
+            moved += leibniz(ca.mtimes, left[: k + 1], v[1 : k + 2])[k]
+            twists.append((start.twist, start.acceleration)[k] + ca.vertcat(added, moved))
+            turns = [twist[:3] for twist in twists]
+            positions.append(twists[k][3:] + leibniz(ca.cross, turns, positions)[k])
+    end = ca.veccat(rotation, positions[0], *twists)
     inputs = [symbols.q, *rates.values(), state, symbols.data]
-    return ca.Function("element_tangents", inputs, [end, *jet], {"cse": True})
+    outputs = [end, *map(ca.densify, tangents)]
+    return ca.Function("element_tangents", inputs, outputs, {"cse": True})
+
+
+def _turned(start: StationMotion, jet: Jet) -> Jet:
+    """R X of a matrix X in the axes of the start, with its rates in inertial axes."""
+    omega, alpha = so3.hat(start.twist[:3]), so3.hat(start.acceleration[:3])
+    value, rate, rate_dot = (start.rotation @ x for x in jet)
+    turned = rate + omega @ value
+    return [value, turned, rate_dot + omega @ (rate + turned) + alpha @ value]
 
 
 @lru_cache(maxsize=256)
@@ -123,15 +146,18 @@ def station_step(mask: Mask, columns: int) -> ca.Function:
 
 @lru_cache(maxsize=64)
 def inertia_slope(mask: Mask, columns: int, m: int) -> ca.Function:
-    """(state, inertia, S, d inertia (…, m)) -> Sᵀ (∂W/∂inertia) d inertia, (columns, m)."""
+    """(state, inertia, S, d inertia (…, m), d gravity (3, m)) -> Sᵀ ∂W, (columns, m)."""
     state, data = ca.SX.sym("state", 24), ca.SX.sym("inertia", sum(mask))
     field, d_data = ca.SX.sym("S", 6, columns), ca.SX.sym("d_inertia", sum(mask), m)
+    d_gravity = ca.SX.sym("d_gravity", 3, m)
     at = unpack_motion(state, 2)
     inertia = moved_to_parent(masked(mask, data), at.rotation, at.position)
     wrench = momentum(inertia, at.acceleration)
     wrench += cross_force(at.twist, momentum(inertia, at.twist))
-    slope = ca.densify(field.T @ (ca.jacobian(wrench, data) @ d_data))
-    return ca.Function("inertia_by_data", [state, data, field, d_data], [slope], {"cse": True})
+    change = ca.jacobian(wrench, data) @ d_data
+    change -= momentum(inertia, ca.vertcat(ca.SX(3, m), d_gravity))
+    inputs = [state, data, field, d_data, d_gravity]
+    return ca.Function("inertia_by_data", inputs, [ca.densify(field.T @ change)], {"cse": True})
 
 
 def _gyroscopic(inertia: Inertia, twist: ca.SX, momentum_of: ca.SX) -> ca.SX:

@@ -14,7 +14,7 @@ from curvcasadi.kinematics.pose_function import KINDS, Form
 from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.symbolic import ldl
 from curvcasadi.symbolic.derivatives import with_jacobian
-from curvcasadi.symbolic.expressions import AnyExpr, choice, function_name
+from curvcasadi.symbolic.expressions import AnyExpr, Array, choice, function_name
 from curvcasadi.symbolic.functions import free_symbols
 
 
@@ -75,6 +75,51 @@ def inverse_dynamics_function(
         found = differentiate(made.system, *made.states, parameters=made.stacked)
         slopes = _columns(found)
     return with_jacobian(name, made.inputs, {"residual": made.kind(residual)}, {"residual": slopes})
+
+
+def balance_function(
+    beam: Beam,
+    loads: Sequence[Any],
+    projection: Array,
+    parameters: Mapping[str, AnyExpr],
+    *,
+    root: RootMotion | None = None,
+    form: Form = "compact",
+    name: str = "balance",
+) -> ca.Function:
+    """Inverse dynamics of a beam one of whose loads has states, as a Function.
+
+    q, q_dot, q_ddot, parameters … -> residual, rates.
+
+    Its derivatives are structured and attached, those of both from one pass.
+
+    Parameters
+    ----------
+    beam, loads, root, form, name
+        As for `inverse_dynamics_function`; one of the loads has states.
+    projection : array, shape (states, values)
+        Rates of the states from those of the values at the stations of that load.
+    parameters : mapping of str to symbols
+        As for `inverse_dynamics_function`, the states among them.
+
+    Returns
+    -------
+    casadi.Function
+        residual (n, 1), N m², and rates (states, 1).
+
+    Raises
+    ------
+    ValueError
+        As `inverse_dynamics_function`.
+    """
+    made = _prepare(beam, loads, parameters, root, form, name, ("q", "q_dot", "q_ddot"))
+    onto = ca.DM(projection)
+    balance = inverse.balance(made.system, *made.states)
+    outputs = {"residual": balance.residual, "rates": onto @ balance.rates}
+    _refuse_free(ca.vertcat(*outputs.values()), made.inputs)
+    found = differentiate(made.system, *made.states, parameters=made.stacked)
+    slopes = {"residual": _columns(found), "rates": onto @ ca.horzcat(*found.rates[1:])}
+    return with_jacobian(name, made.inputs, outputs, slopes)
 
 
 def root_wrench_function(

@@ -63,6 +63,7 @@ class Balance(NamedTuple):
     wrench: AnyExpr  #: (moment, force), (6, 1), outboard of the root station, root axes
     motion: AnyExpr  #: of the root station, `recursion.LocalMotion`
     load: AnyExpr  #: on the root station, (6, 1), or None
+    rates: AnyExpr  #: of what loads with states follow, station by station, (m, 1)
 
 
 def balance(built: System, q: AnyExpr, q_dot: AnyExpr, q_ddot: AnyExpr) -> Balance:
@@ -71,14 +72,14 @@ def balance(built: System, q: AnyExpr, q_dot: AnyExpr, q_ddot: AnyExpr) -> Balan
     pattern = beam_chain.pattern
     outward, inward = recursion.outward(pattern), recursion.inward(pattern, mask)
     motions = beam_chain.march([outward], built.root_motion, q, q_dot, q_ddot)
-    acting = applied.local_wrenches(built, q, q_dot, motions)
+    acting, rates = applied.acting(built, q, q_dot, motions)
     wrench, force = ca.DM.zeros(6), ca.DM.zeros(built.beam.basis.n)
     for k in reversed(range(1, len(motions))):
         if acting[k] is not None:
             wrench = wrench - acting[k]
         wrench, force = inward(q, motions[k], inertias[k], beam_chain.data[k - 1], wrench, force)
     residual = stiffness_matrix(built.beam) @ q + force
-    return Balance(residual, wrench, motions[0], acting[0])
+    return Balance(residual, wrench, motions[0], acting[0], rates)
 
 
 def parent_wrench(built: System, found: Balance) -> AnyExpr:

@@ -235,10 +235,9 @@ def _work_derivatives() -> ca.Function:
     return ca.Function("work", arguments, [work, *(ca.jacobian(work, x) for x in arguments)])
 
 
-def rotation_of(theta: ca.SX, coefficients: series.Coefficients[ca.SX]) -> ca.SX:
+def rotation_of(theta: ca.SX, c1: ca.SX, c2: ca.SX) -> ca.SX:
     """R_e = (1 − c_2 θ²) I + c_1 [θ×] + c_2 θ θᵀ, with the coefficients at θ²."""
-    unit = 1 - ca.sumsqr(theta) * coefficients.c2
-    return _combination(unit, coefficients.c1, coefficients.c2 * theta, theta)
+    return _combination(1 - ca.sumsqr(theta) * c2, c1, c2 * theta, theta)
 
 
 def tangent_coefficients(

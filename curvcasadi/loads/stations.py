@@ -15,8 +15,7 @@ induced flow do, are a `Coupling`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from typing import (
     Any,
     ClassVar,
@@ -33,7 +32,7 @@ import numpy as np
 from curvcasadi.beam.along import breaks_of
 from curvcasadi.beam.beam import Beam, merged_breaks
 from curvcasadi.beam.quadrature import Panel
-from curvcasadi.lie import so3
+from curvcasadi.loads.formulas import LINEAR, Formula, WrenchFormula, linear_wrench
 from curvcasadi.symbolic.expressions import (
     COINCIDENT,
     AnyExpr,
@@ -46,41 +45,9 @@ from curvcasadi.symbolic.expressions import (
 Frame = Literal["dead", "follower", "body"]
 FRAMES = ("dead", "follower", "body")
 
-#: Numbers that describe the loads at one station: F_d, M_d, vec N, F_f, M_f.
-SIZE = 21
-
-
-@dataclass(frozen=True)
-class WrenchFormula:
-    """How a load acts at a station: (R, p, data, twist, acceleration) -> wrench.
-
-    Formulas of one function are one, and their CasADi Functions are made once.
-    """
-
-    function: Callable[..., AnyExpr]
-    order: int = 0  #: 0: of the pose alone, 1: and of the twist, 2: and of the acceleration
-
-    def __call__(
-        self,
-        rotation: AnyExpr,
-        position: AnyExpr,
-        data: AnyExpr,
-        twist: AnyExpr | None = None,
-        acceleration: AnyExpr | None = None,
-    ) -> AnyExpr:
-        """Wrench (moment, force), (6, 1), about the parent origin, parent axes.
-
-        Twist and acceleration (6, 1) are those of `Load.wrench`; at rest they are None.
-        """
-        motion = (twist, acceleration)[: self.order]
-        at_rest = ca.DM.zeros(6)
-        return self.function(
-            rotation, position, data, *(at_rest if part is None else part for part in motion)
-        )
-
 
 #: What acts at one station: formulas, each with its data.
-StationLoads: TypeAlias = list[tuple[WrenchFormula, AnyExpr]]
+StationLoads: TypeAlias = list[tuple[Formula, AnyExpr]]
 #: (index of a station, load data that it gains) of one load.
 Contributions: TypeAlias = Iterator[tuple[int, AnyExpr]]
 
@@ -112,15 +79,6 @@ class Mesh(NamedTuple):
     def node(self, xi: float) -> int:
         """Index of the station `xi`."""
         return int(np.argmin(np.abs(self.stations - xi)))
-
-
-def linear_wrench(rotation: AnyExpr, position: AnyExpr, data: AnyExpr) -> AnyExpr:
-    """Wrench (moment, force), (6, 1), about the parent origin, of 21 numbers of load data."""
-    fixed, fixed_moment, lever, local, local_moment = ca.vertsplit(data, [0, 3, 6, 15, 18, SIZE])
-    force = fixed + rotation @ local
-    levers = -2 * so3.vee(rotation @ ca.reshape(lever, 3, 3))
-    moment = ca.cross(position, force) + levers + fixed_moment + rotation @ local_moment
-    return ca.vertcat(moment, force)
 
 
 @runtime_checkable
@@ -215,6 +173,11 @@ class Load(Protocol):
         """
         return None
 
+    @property
+    def formula(self) -> Formula:
+        """How `wrench` is evaluated; that of the default one is shared by all loads."""
+        return LINEAR if self.wrench is Load.wrench else WrenchFormula(self.wrench, self.order)
+
     @staticmethod
     def wrench(rotation: Any, position: Any, data: Any, *motion: Any) -> Any:
         """What acts at a station.
@@ -239,14 +202,6 @@ class Load(Protocol):
             Wrench (moment, force) about the parent origin, parent axes, N m and N.
         """
         return linear_wrench(rotation, position, data)
-
-
-_LINEAR = WrenchFormula(linear_wrench)
-
-
-def formula_of(load: Load) -> WrenchFormula:
-    """The formula of `load`; those of the default `Load.wrench` share one."""
-    return _LINEAR if load.wrench is Load.wrench else WrenchFormula(load.wrench, load.order)
 
 
 def load_breaks(loads: Sequence[Load]) -> tuple[float, ...]:
@@ -296,14 +251,14 @@ def station_loads(
     totals: list[AnyExpr] = [None for _ in mesh.stations]
     others: list[StationLoads] = [[] for _ in mesh.stations]
     for load in checked_loads(loads):
-        formula = formula_of(load)
+        formula = load.formula
         for node, data in load.contributions(beam, mesh, to_parent):
-            if formula is _LINEAR:
+            if formula is LINEAR:
                 totals[node] = data if totals[node] is None else totals[node] + data
             else:
                 others[node].append((formula, data))
     return [
-        other if total is None else [(_LINEAR, total), *other]
+        other if total is None else [(LINEAR, total), *other]
         for total, other in zip(totals, others, strict=True)
     ]
 

@@ -14,12 +14,12 @@ from curvcasadi.kinematics import chain, element, jacobian as kinematics
 from curvcasadi.kinematics.chain import Pattern
 from curvcasadi.kinematics.state import StateLayout
 from curvcasadi.lie import so3
-from curvcasadi.loads.stations import WrenchFormula
+from curvcasadi.loads.formulas import Formula
 
 
 @lru_cache(maxsize=256)
 def station_wrench(
-    formula: WrenchFormula, size: int, columns: int | None, coupled: int = 0
+    formula: Formula, size: int, columns: int | None, coupled: int = 0
 ) -> ca.Function:
     """(state, data) -> wrench; given `columns` of sums in the state, its derivatives, too.
 
@@ -86,7 +86,7 @@ def coupled_by_data(coupling: ca.Function, columns: int) -> ca.Function:
 
 
 @lru_cache(maxsize=256)
-def wrench_by_data(formula: WrenchFormula, size: int, m: int, n: int) -> ca.Function:
+def wrench_by_data(formula: Formula, size: int, m: int, n: int) -> ca.Function:
     """(state with sums, data, d data (size, m)) -> [A; B]ᵀ ∂W (n, m), ∂W (6, m)."""
     state, data = StateLayout(columns=n).symbol(), ca.SX.sym("data", size)
     d_data = ca.SX.sym("d_data", size, m)

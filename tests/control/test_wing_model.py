@@ -72,8 +72,8 @@ def test_derivatives_go_through_no_chain(model):
     symbols = [ca.MX.sym(motion.name_in(i), *motion.size_in(i)) for i in range(4)]
     slope = ca.jacobian(ca.vertcat(*motion(*symbols)), symbols[0])
     names = {f.name() for f in ca.Function("f", symbols, [slope]).find_functions()}
-    assert {"jac_wing_forces", "jac_wing_lag_rates"} <= names
-    # What is differentiated by CasADi is the Function around these two.
+    assert "jac_wing_forces" in names
+    # What is differentiated by CasADi is the Function around it.
     assert {name for name in names if name.startswith(("fwd", "adj"))} <= {"fwd16_wing_balance"}
 
 

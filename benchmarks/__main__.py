@@ -63,6 +63,7 @@ COUNTED: tuple[Section, ...] = (
     flutter.bent_wings,
     flutter.turbulence,
     flight.trimmed,
+    flight.turning,
     placement.fits,
     placement.placements,
     estimation.consistency,

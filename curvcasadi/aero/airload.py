@@ -1,9 +1,10 @@
 """Quasi-steady strip aerodynamics as a load on a beam, alone or with induced flow.
 
 A strip at pose (R, p), parent axes, moves relative to the air with V = Rᵀ (v + ω × p − wind), and
-turns with Ω = Rᵀ ω, local axes. Its forces are those of `section` whose circulation follows at
-once, u_e = u, or as the lifting line of the wing lets it. Rotations are not approximated; the
-velocity along the span does nothing.
+turns with Ω = Rᵀ ω, local axes. Its forces are those of `section` in steady motion: circulation
+follows at once, u_e = u, or as the lifting line of the wing lets it, and of the apparent mass there
+is the moment −π ρ b³/2 V_y Ω_x, as of a camber. Rotations are not approximated; the velocity along
+the span does nothing.
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ def strip_wrench(rotation: AnyExpr, position: AnyExpr, data: AnyExpr) -> AnyExpr
     """Wrench (moment, force), (6, 1), about the parent origin, of `strip_data`."""
     velocity, omega, strip = _moving(rotation, position, data)
     u = section.circulation(velocity, omega, strip).velocity
-    local = section.circulatory_wrench(velocity, omega, strip, u, u)
+    local = _steady_wrench(velocity, omega, strip, u, u)
     return _about_parent(rotation, position, local)
 
 
@@ -80,7 +81,7 @@ def induced_wrench(rotation: AnyExpr, position: AnyExpr, data: AnyExpr) -> AnyEx
     """The same of u_e, m/s, followed by `strip_data`."""
     velocity, omega, strip = _moving(rotation, position, data[1:])
     u = section.circulation(velocity, omega, strip).velocity
-    local = section.circulatory_wrench(velocity, omega, strip, u, data[0])
+    local = _steady_wrench(velocity, omega, strip, u, data[0])
     return _about_parent(rotation, position, local)
 
 
@@ -90,6 +91,15 @@ def _moving(
     velocity, rate, strip = ca.vertsplit(data, [0, 3, 6, 6 + section.SIZE])
     through_air = rotation.T @ (velocity + ca.cross(rate, position))
     return through_air, rotation.T @ rate, section.unpack(strip)
+
+
+def _steady_wrench(
+    velocity: AnyExpr, omega: AnyExpr, strip: SectionData, u: AnyExpr, u_e: AnyExpr
+) -> AnyExpr:
+    """Wrench of a strip whose velocity and angular rate are constant in its axes."""
+    rest = ca.DM.zeros(3)
+    apparent = section.apparent_wrench(velocity, omega, rest, rest, strip)
+    return section.circulatory_wrench(velocity, omega, strip, u, u_e) + apparent
 
 
 def _about_parent(rotation: AnyExpr, position: AnyExpr, local: AnyExpr) -> AnyExpr:
@@ -175,7 +185,9 @@ def strip_data(load: AerodynamicLoad, xi: float, measure: Number, to_parent: Any
     v − wind (3) and ω (3), parent axes, and `SectionData`.
     """
     flow = load.flow
-    strip = section_data(load.strips, xi, load.deflections, density=flow.density, measure=measure)
+    strip = section_data(
+        load.strips, xi, load.deflections, density=flow.density, measure=measure, apparent=1.0
+    )
     return ca.vertcat(flow.velocity - to_parent @ flow.wind, flow.angular_rate, strip.pack())
 
 
@@ -290,7 +302,7 @@ def _strip(induced: bool) -> ca.Function:
     velocity, omega, strip = _moving(*unpack_pose(pose), data)
     followed = section.circulation(velocity, omega, strip)
     gained = u_e if induced else followed.velocity
-    wrench = section.circulatory_wrench(velocity, omega, strip, followed.velocity, gained)
+    wrench = _steady_wrench(velocity, omega, strip, followed.velocity, gained)
     ahead, up = velocity[1], strip.upper * velocity[2]
     speed, angle = section.speed_and_angle(ahead, up)
     still = ca.if_else(speed > 0, speed, 1)

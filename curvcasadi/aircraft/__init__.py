@@ -24,6 +24,7 @@ from curvcasadi.aircraft.parts import (
 from curvcasadi.aircraft.trim import trim, trim_sweep
 from curvcasadi.aircraft.trim_problem import TipHeight
 from curvcasadi.aircraft.trim_result import TrimResult, trim_table
+from curvcasadi.aircraft.turn import Turn
 
 __all__ = [
     "Aircraft",
@@ -35,6 +36,7 @@ __all__ = [
     "Thrust",
     "TipHeight",
     "TrimResult",
+    "Turn",
     "Wing",
     "aircraft_wrench",
     "free_forward_dynamics",

@@ -14,7 +14,10 @@ import casadi as ca
 
 from curvcasadi.aero import AerodynamicLoad, LiftingLine
 from curvcasadi.aero.airload import strip_data, strip_wrench, wash_of
+from curvcasadi.aircraft.free_motion import body_inertia, body_wrench
 from curvcasadi.aircraft.parts import Aircraft, Flight, Wing
+from curvcasadi.dynamics import SteadyRotation
+from curvcasadi.dynamics.system import ParentMotion
 from curvcasadi.kinematics import chain
 from curvcasadi.kinematics.jacobian import jacobian_states
 from curvcasadi.loads.kinds import Gravity
@@ -47,10 +50,28 @@ def wing_loads(
                 induced_flow=induced_flow,
             )
         )
-    section: Any = wing.beam.section
-    heavy = section.mass_per_length is not None or wing.beam.bodies
-    weight = [Gravity(flight.acceleration)] if heavy else []
+    weight = [Gravity(flight.acceleration)] if _has_mass(wing) else []
     return [*airloads, *weight, *wing.loads]
+
+
+def _has_mass(wing: Wing) -> bool:
+    section: Any = wing.beam.section
+    return section.mass_per_length is not None or bool(wing.beam.bodies)
+
+
+def inertial_loads(wing: Wing, flight: Flight) -> list[Any]:
+    """Inertial forces of a wing in a steady turn, at the angular rate of `flight.flow`."""
+    if not _has_mass(wing):
+        return []
+    rate, velocity = flight.flow.angular_rate, flight.flow.velocity
+    return [SteadyRotation(angular_rate=rate, velocity=velocity)]
+
+
+def inertial_wrench(aircraft: Aircraft, flight: Flight) -> AnyExpr:
+    """Wrench (moment, force), (6, 1), of the inertia of the rigid body likewise; body axes."""
+    twist: AnyExpr = ca.vertcat(flight.flow.angular_rate, flight.flow.velocity)
+    steady = ParentMotion(twist, ca.DM.zeros(6), ca.DM.zeros(3))
+    return -body_wrench(body_inertia(aircraft), steady)
 
 
 def wing_balance(
@@ -204,10 +225,13 @@ def wing_function(
     y: ca.MX,
     induced_flow: LiftingLine | None = None,
     points: Sequence[AnyExpr] = (),
+    *,
+    turning: bool = False,
 ) -> ca.Function:
     """`wing_balance` as a Function with its structured derivatives: q, y -> residual, wrench.
 
-    With induced flow a third output is its wash (3, points) at `points`.
+    With induced flow a third output is its wash (3, points) at `points`; when `turning` the wing
+    has its `inertial_loads` as well.
 
     Parameters
     ----------
@@ -217,6 +241,7 @@ def wing_function(
     if wing.beam.design_symbols:
         raise ValueError(f"Wing {wing.name!r}: expected numbers, found symbols in its beam")
     loads = wing_loads(wing, flight, inputs, induced_flow)
+    loads += inertial_loads(wing, flight) if turning else []
     value = balance(wing.beam, q, loads, flight.attitude)
     missing = free_symbols(ca.vertcat(value.residual, value.wrench), [q, y])
     if missing:

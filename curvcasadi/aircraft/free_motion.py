@@ -76,7 +76,7 @@ def body_inertia(aircraft: Aircraft) -> AnyExpr:
     """The ten numbers of the rigid body about the body origin, body axes."""
     body = aircraft.body
     if body.inertia is None:
-        raise ValueError("RigidBody.inertia: expected (3, 3) for free flight, found None")
+        raise ValueError("RigidBody.inertia: expected (3, 3) for free flight and turns, found None")
     return inertia.about_point(body.mass, body.center_of_mass, body.inertia)
 
 

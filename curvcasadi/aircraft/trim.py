@@ -1,4 +1,4 @@
-"""Trim: attitude, inputs and shape of a flexible aircraft in steady straight flight."""
+"""Trim: attitude, inputs and shape of a flexible aircraft in steady flight, straight or turning."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.aircraft.trim_problem import Hessian, Objective
 from curvcasadi.aircraft.trim_result import TrimResult
 from curvcasadi.aircraft.trim_solver import Case, TrimSolver
+from curvcasadi.aircraft.turn import Turn
+from curvcasadi.symbolic.expressions import optional
 
 #: Standard gravity, m/s².
 STANDARD_GRAVITY = 9.80665
@@ -22,6 +24,8 @@ def trim(
     gravity: float = STANDARD_GRAVITY,
     flight_path: float | None = 0.0,
     free: Sequence[str] = (),
+    sideslip: float | None = None,
+    turn: Turn | None = None,
     inputs: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     objective: Objective = None,
@@ -30,12 +34,17 @@ def trim(
     guess: TrimResult | None = None,
     throw: bool = True,
 ) -> TrimResult:
-    """Steady straight flight of `aircraft` at `speed`.
+    """Steady flight of `aircraft` at `speed`: straight, in sideslip, or in a turn.
 
     Unknowns are the angle of attack, the pitch angle, the weights of the wings and the inputs;
     conditions are the balance of forces and moments about the body origin, the flight path, and
     equilibrium of every wing. First the unknowns come as near to balance as bounds let them; then,
     if `objective` is given, it chooses among all that balance.
+
+    Out of the plane of symmetry the roll angle is unknown as well, and inputs must roll and yaw the
+    aircraft. A turn is coordinated: its sideslip is that at which the specific force at the body
+    origin has no component along body y. Body and wings have their inertial forces, and every strip
+    the velocity of its own place.
 
     Parameters
     ----------
@@ -50,7 +59,13 @@ def trim(
     flight_path : float or None
         Climb angle, rad; None leaves it free, as in a glide with a given thrust.
     free : sequence of str
-        Any of "sideslip" and "roll"; what is not named stays zero.
+        Any of "sideslip" and "roll"; what is not named stays zero in straight flight. In a turn a
+        free sideslip is one that nothing is asked of, for aircraft without a rudder.
+    sideslip : float, optional
+        Sideslip angle that is held, rad: straight flight with a bank angle that balances the side
+        force, or a turn that slips.
+    turn : Turn, optional
+        Steady turn, by its rate, bank angle, radius or load factor; the body needs its inertia.
     inputs : mapping of str to float, optional
         Inputs that are held, by name, N or rad; all others are free.
     bounds : mapping of str to (float, float), optional
@@ -83,8 +98,19 @@ def trim(
     ValueError
         For unknown names, bad numbers, and more free inputs than the balances settle.
     """
-    solver = TrimSolver(aircraft, objective, hessian, induced_flow)
-    case = Case(speed, density, gravity, flight_path, tuple(free), inputs or {}, bounds or {})
+    optional("turn", turn, Turn)
+    solver = TrimSolver(aircraft, objective, hessian, induced_flow, turning=turn is not None)
+    case = Case(
+        speed,
+        density,
+        gravity,
+        flight_path,
+        tuple(free),
+        inputs or {},
+        bounds or {},
+        sideslip,
+        turn,
+    )
     return solver.solve(case, guess, throw)
 
 
@@ -96,6 +122,8 @@ def trim_sweep(
     gravity: float = STANDARD_GRAVITY,
     flight_path: float | None = 0.0,
     free: Sequence[str] = (),
+    sideslip: float | None = None,
+    turn: Turn | None = None,
     inputs: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     objective: Objective = None,
@@ -112,7 +140,9 @@ def trim_sweep(
         Aircraft with numeric fields.
     speeds : sequence of float
         Airspeeds, m/s.
-    density, gravity, flight_path, free, inputs, bounds, objective, hessian, induced_flow : optional
+    density, gravity, flight_path, free, sideslip, turn, inputs, bounds : optional
+        As of `trim`.
+    objective, hessian, induced_flow : optional
         As of `trim`.
     throw : bool
         Whether a speed at which nothing balances raises; otherwise its result says so.
@@ -126,9 +156,21 @@ def trim_sweep(
     """
     from tqdm import tqdm
 
-    solver, guess, results = TrimSolver(aircraft, objective, hessian, induced_flow), None, []
+    optional("turn", turn, Turn)
+    solver = TrimSolver(aircraft, objective, hessian, induced_flow, turning=turn is not None)
+    guess, results = None, []
     for speed in tqdm(speeds, desc="trim", unit="speed", disable=not progress):
-        case = Case(speed, density, gravity, flight_path, tuple(free), inputs or {}, bounds or {})
+        case = Case(
+            speed,
+            density,
+            gravity,
+            flight_path,
+            tuple(free),
+            inputs or {},
+            bounds or {},
+            sideslip,
+            turn,
+        )
         result = solver.solve(case, guess, throw)
         guess = result if result.trimmed else guess
         results.append(result)

@@ -10,7 +10,12 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.aero import Flow, LiftingLine
-from curvcasadi.aircraft.balance import rigid_wrenches, surface_points, wing_function
+from curvcasadi.aircraft.balance import (
+    inertial_wrench,
+    rigid_wrenches,
+    surface_points,
+    wing_function,
+)
 from curvcasadi.aircraft.parts import Aircraft, Flight, Wing
 from curvcasadi.beam.beam import numeric_length
 from curvcasadi.kinematics.pose_function import tip_function
@@ -19,6 +24,8 @@ from curvcasadi.statics.energy import strain_energy
 from curvcasadi.symbolic.expressions import AnyExpr, Array, choice, expression
 
 ANGLES = ("angle_of_attack", "pitch", "sideslip", "roll")
+#: Unknowns of the motion and their units.
+MOTION = {**dict.fromkeys(ANGLES, "rad"), "turn_rate": "rad/s"}
 #: The balances in order: forces and moments, body axes.
 BALANCES = (
     "force along x",
@@ -30,6 +37,8 @@ BALANCES = (
 )
 #: Those that no motion within the plane of symmetry disturbs.
 LATERAL = (1, 3, 5)
+#: Further conditions, before those of the wings, by what is said where they are missed.
+PATH = ("the flight path is missed", "the turn is not coordinated")
 #: What counts as zero, in the scales of `TrimProblem`.
 TOLERANCE = 1e-8
 #: What the balances and objectives take beside the unknowns.
@@ -62,22 +71,33 @@ OBJECTIVES = ("strain_energy", "drag", "root_bending")
 
 
 class TrimProblem:
-    """Steady straight flight of an aircraft as expressions of scaled unknowns x.
+    """Steady flight of an aircraft, straight or `turning`, as expressions of scaled unknowns x.
 
-    x = (angles, inputs, L q of each wing), thrusts over the weight. The balances are forces over
-    the weight W and moments over `arm` W, `arm` a tenth of the longest wing: an aircraft short of
-    lift still holds its pitch. Residuals of the wings count in W L². Nothing accelerates:
+    x = (angles, turn rate, inputs, L q of each wing), thrusts over the weight and the turn rate
+    over g/V. The balances are forces over the weight W and moments over `arm` W, `arm` a tenth of
+    the longest wing: an aircraft short of lift still holds its pitch. Residuals of the wings count
+    in W L². The twist of the body is constant in its axes, and turns about the vertical:
 
         u = V (cos α cos β, sin β, sin α cos β),      −(R u)_z = V sin γ,      R = R_y(θ) R_x(φ)
+        ω = ψ̇ Rᵀ e_z,      a − g = ω × u − g Rᵀ e_z
+
+    A coordinated flight has no (a − g)_y: nothing in it slides sideways.
     """
 
-    def __init__(self, aircraft: Aircraft, induced_flow: LiftingLine | None = None) -> None:
-        self.aircraft, self.induced_flow = aircraft, induced_flow
-        self.names = (*ANGLES, *aircraft.inputs)
+    def __init__(
+        self,
+        aircraft: Aircraft,
+        induced_flow: LiftingLine | None = None,
+        *,
+        turning: bool = False,
+    ) -> None:
+        self.aircraft, self.induced_flow, self.turning = aircraft, induced_flow, turning
+        self.names = (*MOTION, *aircraft.inputs)
+        self.units = {**MOTION, **aircraft.inputs}
         wings = [wing.name for wing in aircraft.beams]
         if len({*self.names, *wings}) < len(self.names) + len(wings):
             raise ValueError(
-                f"aircraft: expected names of wings and inputs other than {', '.join(ANGLES)}, "
+                f"aircraft: expected names of wings and inputs other than {', '.join(MOTION)}, "
                 f"each once; found {', '.join((*wings, *aircraft.inputs))}"
             )
         self.sizes = [wing.beam.basis.n for wing in aircraft.beams]
@@ -87,18 +107,22 @@ class TrimProblem:
         self.x = ca.MX.sym("x", len(self.names) + sum(self.sizes))
         self.p = ca.MX.sym("p", len(PARAMETERS))
         self._parameter = dict(zip(PARAMETERS, ca.vertsplit(self.p), strict=True))
-        unknown = self.unknowns(self.x, self._parameter["weight"])
+        unknown = self.unknowns(self.x, self.p)
         self.q = {wing.name: unknown[wing.name] for wing in aircraft.beams}
         self.inputs = {name: unknown[name] for name in aircraft.inputs}
         self.flight = self._flight(unknown)
         self._build()
 
-    def unknowns(self, x: AnyExpr, weight: AnyExpr) -> dict[str, AnyExpr]:
-        """Angles, rad, inputs and weights of the wings, rad/m, by name."""
-        count = len(self.names)
-        units = self.aircraft.inputs
-        scale = [weight if units.get(name) == "N" else 1.0 for name in self.names]
-        named = {name: x[i] * scale[i] for i, name in enumerate(self.names)}
+    def scales(self, p: Any) -> list[Any]:
+        """What a scaled unknown of one counts, of those with names; `p` are the parameters."""
+        speed, _, gravity, _, weight = (p[k] for k in range(len(PARAMETERS)))
+        by_unit = {"N": weight, "rad/s": gravity / speed}
+        return [by_unit.get(self.units[name], 1.0) for name in self.names]
+
+    def unknowns(self, x: AnyExpr, p: AnyExpr) -> dict[str, AnyExpr]:
+        """Angles, rad, turn rate, inputs and weights of the wings, rad/m, by name."""
+        count, scales = len(self.names), self.scales(p)
+        named = {name: x[i] * scales[i] for i, name in enumerate(self.names)}
         edges = np.cumsum([0, *self.sizes]).tolist()
         for wing, (a, b) in zip(self.aircraft.beams, pairwise(edges), strict=True):
             named[wing.name] = x[count + a : count + b] / self.length
@@ -110,18 +134,24 @@ class TrimProblem:
             ca.cos(alpha) * ca.cos(beta), ca.sin(beta), ca.sin(alpha) * ca.cos(beta)
         )
         p = self._parameter
-        return _flight(p["speed"] * direction, roll, pitch, p["density"], p["gravity"])
+        rate: ca.MX = unknown["turn_rate"] * attitude_matrix(roll, pitch)[2, :].T
+        omega = rate if self.turning else ca.DM.zeros(3)
+        return _flight(p["speed"] * direction, roll, pitch, p["density"], p["gravity"], omega)
 
     def _build(self) -> None:
         """Balances and residuals from one Function per wing."""
         p, flow = self._parameter, self.flight.flow
-        symbols = ca.MX.sym("y", 7 + len(self.inputs))
-        flight = _flight(symbols[:3], *ca.vertsplit(symbols[3:7]))
-        deflections = dict(zip(self.inputs, ca.vertsplit(symbols[7:]), strict=True))
         roll, pitch = self.x[3], self.x[1]
-        y = ca.vertcat(
-            flow.velocity, roll, pitch, flow.density, p["gravity"], *self.inputs.values()
-        )
+        motion = [flow.velocity, roll, pitch, flow.density, p["gravity"]]
+        if self.turning:
+            motion.append(flow.angular_rate)
+        y = ca.vertcat(*motion, *self.inputs.values())
+        symbols = ca.MX.sym("y", y.numel())
+        velocity, scalars, rest = ca.vertsplit(symbols, [0, 3, 7, y.numel()])
+        omega = rest[:3] if self.turning else ca.DM.zeros(3)
+        flight = _flight(velocity, scalars[0], scalars[1], scalars[2], scalars[3], omega)
+        controls = ca.vertsplit(rest[3 * self.turning :])
+        deflections = dict(zip(self.inputs, controls, strict=True))
         self.wrenches: dict[str, ca.MX] = {}
         residuals = []
         wash: AnyExpr = None
@@ -129,26 +159,41 @@ class TrimProblem:
         if self.induced_flow is not None:
             wash = ca.MX(3, len(points))
         for wing in self.aircraft.beams:
-            function = wing_function(wing, flight, deflections, symbols, self.induced_flow, points)
+            function = wing_function(
+                wing,
+                flight,
+                deflections,
+                symbols,
+                self.induced_flow,
+                points,
+                turning=self.turning,
+            )
             residual, self.wrenches[wing.name], *washes = function(self.q[wing.name], y)
             residuals.append(residual / (p["weight"] * self.length**2))
             for induced in washes:
                 wash = wash + induced
         self.rigid = rigid_wrenches(self.aircraft, self.flight, self.inputs, wash)
         total = sum([*self.rigid.values(), *self.wrenches.values()], ca.MX(6, 1))
-        down: ca.MX = self.flight.attitude @ flow.velocity
-        climb = -down[2] / p["speed"] - p["sine_of_path"]
+        down = self.flight.attitude[2, :].T
+        felt = ca.cross(flow.angular_rate, flow.velocity) / p["gravity"] - down
+        if self.turning:
+            total = total + inertial_wrench(self.aircraft, self.flight)
+        climb = -ca.dot(down, flow.velocity) / p["speed"] - p["sine_of_path"]
+        self.wrench = total
         self.balances = ca.vertcat(total[3:], total[:3] / self.arm) / p["weight"]
-        self.residuals = ca.vertcat(climb, *residuals)
+        self.residuals = ca.vertcat(climb, felt[1], *residuals)
 
     def drag(self) -> ca.MX:
-        """Force against the path, N, of everything but thrust and weight."""
-        p = self._parameter
-        direction = self.flight.flow.velocity / p["speed"]
-        force = self.balances[:3] * p["weight"]
-        thrust = sum((self.rigid[t.name][3:] for t in self.aircraft.thrusts), ca.MX(3, 1))
-        weight = self.flight.attitude.T @ ca.vertcat(0, 0, p["weight"])
-        return -ca.dot(direction, force - thrust - weight)
+        """Power of everything but thrust and weight over −V, N: the force against a straight path.
+
+        Inertial forces have no power in steady flight, and the weight has that of the descent,
+        which a centre of mass off the body origin shares.
+        """
+        p, flow = self._parameter, self.flight.flow
+        thrust = sum((self.rigid[t.name] for t in self.aircraft.thrusts), ca.MX(6, 1))
+        twist = ca.vertcat(flow.angular_rate, flow.velocity)
+        descent = p["weight"] * ca.dot(self.flight.attitude[2, :].T, flow.velocity)
+        return (descent - ca.dot(twist, self.wrench - thrust)) / p["speed"]
 
     def root_load(self, wing: Wing) -> ca.MX:
         """Wrench of a wing on the body, (6, 1), at its root in its root axes."""
@@ -217,9 +262,14 @@ _IPOPT: dict[str, Any] = {
 
 
 def _flight(
-    velocity: AnyExpr, roll: AnyExpr, pitch: AnyExpr, density: AnyExpr, gravity: AnyExpr
+    velocity: AnyExpr,
+    roll: AnyExpr,
+    pitch: AnyExpr,
+    density: AnyExpr,
+    gravity: AnyExpr,
+    angular_rate: AnyExpr,
 ) -> Flight:
-    flow = Flow(density=density, velocity=velocity)
+    flow = Flow(density=density, velocity=velocity, angular_rate=angular_rate)
     return Flight(flow=flow, attitude=attitude_matrix(roll, pitch), gravity=gravity)
 
 
@@ -247,9 +297,9 @@ def bounds_of(problem: TrimProblem) -> tuple[Array, Array]:
     Angles of attack and sideslip within 0.35 rad and deflections within 0.5 rad, where slopes mean
     something; thrusts not below zero; weights within `Beam.weight_bounds`.
     """
-    angles = dict(zip(ANGLES, (0.35, np.pi / 2, 0.35, np.pi / 2), strict=True))
+    motion = dict(zip(MOTION, (0.35, np.pi / 2, 0.35, np.pi / 2, np.inf), strict=True))
     units = problem.aircraft.inputs
-    largest = {**angles, **{name: np.inf if u == "N" else 0.5 for name, u in units.items()}}
+    largest = {**motion, **{name: np.inf if u == "N" else 0.5 for name, u in units.items()}}
     upper = [largest[name] for name in problem.names]
     lower = [0.0 if units.get(n) == "N" else -u for n, u in zip(problem.names, upper, strict=True)]
     sides = [wing.beam.bounds for wing in problem.aircraft.beams]

@@ -19,12 +19,14 @@ from curvcasadi.symbolic.text import described, table
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TrimResult:
-    """An aircraft in steady straight flight, what comes nearest to it, or where a search stopped.
+    """An aircraft in steady flight, what comes nearest to it, or where a search stopped.
 
     Attributes
     ----------
     speed : float
         Airspeed, m/s.
+    gravity : float
+        Acceleration of gravity, m/s².
     angle_of_attack : float
         Angle of attack of the body x axis, rad.
     pitch : float
@@ -32,7 +34,11 @@ class TrimResult:
     sideslip : float
         Sideslip angle, rad.
     roll : float
-        Roll angle, rad.
+        Roll angle, the bank angle of a turn, rad.
+    turn_rate : float
+        Rate of the heading, rad/s, above zero to the right; zero in straight flight.
+    coordinated : bool
+        Whether the sideslip is that of a turn without side force.
     flight_path : float
         Climb angle of the result, rad.
     inputs : dict of str to float
@@ -50,7 +56,8 @@ class TrimResult:
     strain_energy : float
         Strain energy of all wings, J.
     drag : float
-        Force against the path without thrust and weight, N.
+        Force against the path without thrust and weight, N; in a turn the power that these forces
+        take, over the speed.
     balances : dict of str to float
         What is left of each balance, N and N m, body axes, about the body origin.
     equilibrium_residuals : dict of str to float
@@ -68,15 +75,20 @@ class TrimResult:
         What was found, in words.
     unknowns : array
         All unknowns, scaled; where a warm start begins.
-    free : tuple of str
-        Angles and inputs that were not held, and "flight_path" if it was not.
+    bounds : dict of str to (float, float)
+        Bounds of the angles, turn rate and inputs that were not held, rad, rad/s and N.
+    path_is_free : bool
+        Whether the flight path was not held.
     """
 
     speed: float
+    gravity: float
     angle_of_attack: float
     pitch: float
     sideslip: float
     roll: float
+    turn_rate: float
+    coordinated: bool
     flight_path: float
     inputs: dict[str, float]
     input_units: dict[str, str]
@@ -94,12 +106,26 @@ class TrimResult:
     active_bounds: tuple[str, ...]
     message: str
     unknowns: Array
-    free: tuple[str, ...]
+    bounds: dict[str, tuple[float, float]]
+    path_is_free: bool
 
     @property
     def success(self) -> bool:
         """Whether everything balances, and nothing better balances, too."""
         return self.trimmed and self.converged
+
+    @property
+    def load_factor(self) -> float:
+        """Force normal to the path over the weight, cos γ √(1 + (V ψ̇/g)²)."""
+        pull = self.speed * self.turn_rate / self.gravity
+        return float(np.cos(self.flight_path) * np.hypot(1.0, pull))
+
+    @property
+    def turn_radius(self) -> float:
+        """Radius of the path, m, below zero to the left; infinite in straight flight."""
+        if not self.turn_rate:
+            return float("inf")
+        return float(self.speed * np.cos(self.flight_path) / self.turn_rate)
 
     def __repr__(self) -> str:
         return f"<TrimResult at {self.speed:g} m/s: {self.message}>"
@@ -112,6 +138,10 @@ class TrimResult:
             for name, value in values.items()
             if value or name in angles[:2]
         }
+        if self.turn_rate:
+            rate, radius = self.turn_rate, self.turn_radius
+            rows["turn"] = f"{rate:.5g} rad/s ({np.degrees(rate):.3f}°/s), radius {radius:.5g} m"
+            rows["load factor"] = f"{self.load_factor:.5g}"
         rows |= {
             name: f"{value:.5g} {self.input_units[name]}" for name, value in self.inputs.items()
         }
@@ -160,6 +190,7 @@ def trim_table(results: Sequence[TrimResult]) -> str:
     for result in results:
         row = {"V [m/s]": f"{result.speed:.4g}"}
         row["alpha [deg]"] = f"{np.degrees(result.angle_of_attack):.3f}"
+        row |= turn_cells(result) if any(r.turn_rate for r in results) else {}
         for name, value in result.inputs.items():
             unit = "N" if result.input_units[name] == "N" else "deg"
             shown = value if unit == "N" else np.degrees(value)
@@ -173,18 +204,29 @@ def trim_table(results: Sequence[TrimResult]) -> str:
     return table(rows)
 
 
+def turn_cells(result: TrimResult) -> dict[str, str]:
+    """What a table says of a turn."""
+    radius = f"{result.turn_radius:.4g}" if result.turn_rate else "-"
+    return {
+        "turn [deg/s]": f"{np.degrees(result.turn_rate):.3f}",
+        "bank [deg]": f"{np.degrees(result.roll):.3f}",
+        "sideslip [deg]": f"{np.degrees(result.sideslip):.3f}",
+        "radius [m]": radius,
+        "load factor": f"{result.load_factor:.4f}",
+    }
+
+
 def wing_shape(beam: Beam, q: ca.DM, trimmed: bool) -> Shape:
     """Shape of a wing; of a failed trim without the checks, which would hide the failure."""
     return shape_map(beam, q) if trimmed else unchecked_shape(beam, q)
 
 
 def bounds_that_hold(
-    problem: TrimProblem, x: Array, bounds: tuple[Array, Array], weight: float
+    problem: TrimProblem, x: Array, bounds: tuple[Array, Array], p: Array
 ) -> tuple[str, ...]:
-    """Bounds that hold a free angle, input or weight, in words."""
-    inputs = problem.aircraft.inputs
-    units = [inputs.get(name, "rad") for name in problem.names]
-    scales = [weight if unit == "N" else 1.0 for unit in units]
+    """Bounds that hold a free angle, input or weight, in words; `p` are the parameters."""
+    units = [problem.units[name] for name in problem.names]
+    scales = [float(scale) for scale in problem.scales(p)]
     names = [*problem.names]
     for wing in problem.aircraft.beams:
         names += [f"{wing.name} q[{i}] ({label})" for i, label in enumerate(wing.beam.basis.labels)]
@@ -204,11 +246,16 @@ def bounds_that_hold(
 
 
 def failure_message(
-    balances: Array, scales: Array, unsettled: list[str], active: tuple[str, ...] | None
+    balances: Array,
+    scales: Array,
+    others: list[str],
+    active: tuple[str, ...] | None,
+    remedy: str,
 ) -> str:
     """Which balances are missed, the worst first, and what holds them; empty if none is.
 
-    `active` is None where the search did not end: then nothing is known to hold them.
+    `others` are further misses in words. `active` is None where the search did not end: then
+    nothing is known to hold them. The `remedy` is that of lateral balances that no bound holds.
     """
     misses = []
     for k in np.argsort(-np.abs(balances)):
@@ -216,7 +263,7 @@ def failure_message(
             left = f"{balances[k] * scales[k]:.4g} {'N' if k < 3 else 'N m'}"
             part = f" ({100 * abs(balances[k]):.2g} % of the weight)" if k < 3 else ""
             misses.append(f"{BALANCES[k]} is left with {left}{part}")
-    misses += [f"wing {name} is out of equilibrium" for name in unsettled]
+    misses += others
     if not misses:
         return ""
     text = "; ".join(misses)
@@ -225,5 +272,5 @@ def failure_message(
     if active:
         text += f"; held by bounds: {', '.join(active)}"
     elif any(abs(balances[k]) > TOLERANCE for k in LATERAL):
-        text += "; free sideslip and roll by `free`, with inputs that turn the aircraft"
+        text += f"; {remedy}"
     return text

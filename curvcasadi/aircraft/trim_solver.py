@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from curvcasadi.aero import AerodynamicLoad, Flow, LiftingLine, StripForces, strip_forces
 from curvcasadi.aircraft.parts import Aircraft
+from curvcasadi.aircraft.trim_case import Case, case_bounds, free_bounds
 from curvcasadi.aircraft.trim_problem import (
-    ANGLES,
     BALANCES,
     LATERAL,
+    MOTION,
+    PATH,
     TOLERANCE,
     Hessian,
     Objective,
     TrimProblem,
     at_root,
-    bounds_of,
 )
 from curvcasadi.aircraft.trim_result import (
     TrimResult,
@@ -30,24 +30,12 @@ from curvcasadi.aircraft.trim_result import (
 )
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.solvers.interrupt import solved
-from curvcasadi.symbolic.expressions import Array, choice, expression, instance, positive
+from curvcasadi.symbolic.expressions import Array, expression, instance, positive
 
 #: What Newton's method leaves as it is.
 _ROUNDING = 1e-13
 #: Largest change of a scaled unknown in one of Newton's steps, and their number.
 _LARGEST_STEP, _NEWTON_STEPS = 1.5, 20
-
-
-class Case(NamedTuple):
-    """The conditions of one trim, as the user gave them."""
-
-    speed: float
-    density: float
-    gravity: float
-    flight_path: float | None
-    free: tuple[str, ...]
-    inputs: Mapping[str, float]
-    bounds: Mapping[str, tuple[float, float]]
 
 
 class TrimSolver:
@@ -59,12 +47,14 @@ class TrimSolver:
         objective: Objective,
         hessian: Hessian,
         induced_flow: LiftingLine | None = None,
+        *,
+        turning: bool = False,
     ) -> None:
         if not isinstance(aircraft, Aircraft):
             raise ValueError(f"aircraft: expected an Aircraft, found {aircraft!r}")
         if induced_flow is not None:
             instance("induced_flow", induced_flow, LiftingLine)
-        self.problem = problem = TrimProblem(aircraft, induced_flow)
+        self.problem = problem = TrimProblem(aircraft, induced_flow, turning=turning)
         self.objective = objective
         self._nearest = problem.nearest()
         self._best = None if objective is None else problem.best(objective, hessian)
@@ -81,8 +71,8 @@ class TrimSolver:
     def solve(self, case: Case, guess: TrimResult | None, throw: bool) -> TrimResult:
         """The trim of one case."""
         p = self._parameters(case)
-        lower, upper = self._bounds(case, p[-1])
-        start = np.clip(self._start(guess), lower, upper)
+        lower, upper = case_bounds(case, self.problem, self.objective, p)
+        start = np.clip(self._start(case, guess, p), lower, upper)
         x, iterations = self._newton(case, start, p, lower, upper)
         converged = self._missed(case, x, p) <= TOLERANCE
         if not converged:
@@ -102,13 +92,22 @@ class TrimSolver:
             raise ConvergenceError(result.message, result)
         return result
 
-    def _start(self, guess: TrimResult | None) -> Array:
+    def _start(self, case: Case, guess: TrimResult | None, p: Array) -> Array:
+        """The guess, banked as a turn is: the scaled turn rate is the tangent of the bank angle."""
         size = self.problem.x.shape[0]
         if guess is None:
-            return np.zeros(size)
-        if not isinstance(guess, TrimResult) or len(guess.unknowns) != size:
+            start = np.zeros(size)
+        elif not isinstance(guess, TrimResult) or len(guess.unknowns) != size:
             raise ValueError("guess: expected a TrimResult of the same aircraft, found another")
-        return guess.unknowns
+        else:
+            start = guess.unknowns.copy()
+        if case.turn is not None:
+            roll, rate = (self.problem.names.index(name) for name in ("roll", "turn_rate"))
+            held = case.held_motion()
+            tangent = held.get("turn_rate", 0.0) / float(self.problem.scales(p)[rate])
+            bank = held.get("roll", float(np.arctan(tangent)))
+            start[[roll, rate]] = bank, np.tan(bank)
+        return start
 
     def _newton(
         self, case: Case, x: Array, p: Array, lower: Array, upper: Array
@@ -120,7 +119,7 @@ class TrimSolver:
         """
         free, missed = lower < upper, self._missed(case, x, p)
         rows = np.ones(len(BALANCES) + self.problem.residuals.shape[0], dtype=bool)
-        rows[len(BALANCES)] = case.flight_path is not None
+        rows[len(BALANCES) :][: len(PATH)] = case.flight_path is not None, case.coordinated
         for iteration in range(_NEWTON_STEPS):
             balances, residuals, *_ = self._evaluate(x, p)
             conditions = np.append(balances.full(), residuals.full())[rows]
@@ -151,59 +150,11 @@ class TrimSolver:
         p[-1] = float(heavy[2] - weightless[2])
         return p
 
-    def _bounds(self, case: Case, weight: float) -> tuple[Array, Array]:
-        """Scaled bounds; held unknowns have the same on both sides."""
-        problem, (lower, upper) = self.problem, bounds_of(self.problem)
-        units = problem.aircraft.inputs
-        sides = {}
-        for name, value in case.inputs.items():
-            held = float(
-                expression(f"inputs[{choice('inputs', name, tuple(units))!r}]", value, (1, 1))
-            )
-            self._check_held(name, held, lower, upper)
-            sides[name] = (held, held)
-        for name in case.free:
-            choice("free", name, ("sideslip", "roll"))
-        sides |= {name: (0.0, 0.0) for name in ("sideslip", "roll") if name not in case.free}
-        for name, pair in case.bounds.items():
-            if choice("bounds", name, problem.names) in sides:
-                raise ValueError(f"bounds: {name!r} is held, not free")
-            sides[name] = tuple(expression(f"bounds[{name!r}]", pair, (2, 1)).full().ravel())
-        for name, (low, high) in sides.items():
-            if low > high:
-                raise ValueError(f"bounds[{name!r}]: expected lower <= upper, found {low}, {high}")
-            scale = weight if units.get(name) == "N" else 1.0
-            k = problem.names.index(name)
-            lower[k], upper[k] = low / scale, high / scale
-        self._check_count(case, lower, upper)
-        return lower, upper
-
-    def _check_held(self, name: str, held: float, lower: Array, upper: Array) -> None:
-        """ValueError of a held input beyond the bounds that it has where it is free."""
-        k = self.problem.names.index(name)
-        if lower[k] <= held <= upper[k]:
-            return
-        unit = self.problem.aircraft.inputs[name]
-        hint = f"; {held:g} degrees are {np.deg2rad(held):.4g} rad" if unit == "rad" else ""
-        raise ValueError(
-            f"inputs[{name!r}]: expected within {lower[k]:g} to {upper[k]:g} {unit}, "
-            f"found {held:g}{hint}"
-        )
-
-    def _check_count(self, case: Case, lower: Array, upper: Array) -> None:
-        names = self.problem.names
-        free = [n for n, a, b in zip(names, lower, upper, strict=False) if a < b]
-        conditions = 3 + (case.flight_path is not None) + 3 * bool(case.free)
-        if self.objective is None and len(free) > conditions:
-            raise ValueError(
-                f"inputs: {conditions} balances settle {conditions} of the free unknowns "
-                f"{', '.join(free)}; hold others by `inputs`, or give an objective"
-            )
-
     def _on_path(self, case: Case) -> tuple[Array, Array]:
-        """Bounds of the climb and of the residuals of the wings."""
-        slack = np.zeros(1 + sum(self.problem.sizes))
+        """Bounds of the climb, of the side force, and of the residuals of the wings."""
+        slack = np.zeros(len(PATH) + sum(self.problem.sizes))
         slack[0] = np.inf if case.flight_path is None else 0.0
+        slack[1] = 0.0 if case.coordinated else np.inf
         return -slack, slack
 
     def _conditions(self, case: Case) -> tuple[Array, Array]:
@@ -212,7 +163,7 @@ class TrimSolver:
         What symmetry keeps at zero is no equation there: it would be one without an unknown.
         """
         slack = np.zeros(len(BALANCES))
-        if not case.free:
+        if not case.lateral:
             slack[list(LATERAL)] = np.inf
         low, high = self._on_path(case)
         return np.append(-slack, low), np.append(slack, high)
@@ -236,33 +187,43 @@ class TrimSolver:
         problem, aircraft = self.problem, self.problem.aircraft
         values = self._evaluate(x, p)
         balances, residuals, attitude, velocity, drag, energy, wrenches = values
-        found = problem.unknowns(ca.DM(x), p[-1])
+        found = problem.unknowns(ca.DM(x), p)
         named = {name: float(found[name]) for name in problem.names}
         q = {wing.name: found[wing.name] for wing in aircraft.beams}
         on_body = ca.horzsplit(wrenches)[len(problem.rigid) :]
         scales = p[-1] * np.repeat([1.0, problem.arm], 3)
-        active = bounds_that_hold(problem, x, bounds, p[-1])
-        edges = np.cumsum([1, *problem.sizes])
+        active = bounds_that_hold(problem, x, bounds, p)
+        edges = np.cumsum([len(PATH), *problem.sizes])
         left = {
             wing.name: float(np.max(np.abs(residuals.full()[a:b])) * p[-1] * problem.length**2)
             for wing, (a, b) in zip(aircraft.beams, pairwise(edges), strict=True)
         }
         missed = self._missed(case, x, p)
-        unsettled = [n for n, r in left.items() if r > TOLERANCE * p[-1] * problem.length**2]
+        limit, path = (
+            TOLERANCE * p[-1] * problem.length**2,
+            np.abs(residuals.full().ravel()[: len(PATH)]),
+        )
+        kept = (case.flight_path is not None, case.coordinated)
+        others = [
+            name for name, r, on in zip(PATH, path, kept, strict=True) if on and r > TOLERANCE
+        ]
+        others += [f"wing {n} is out of equilibrium" for n, r in left.items() if r > limit]
         held = active if converged else None
-        failure = failure_message(balances.full().ravel(), scales, unsettled, held)
+        failure = failure_message(balances.full().ravel(), scales, others, held, case.remedy)
         message = "trimmed" if converged else "trimmed, not optimal"
         if failure and converged:
-            message = f"no trim at {p[0]:g} m/s: {failure}"
+            message = f"no trim at {case.flight}: {failure}"
         elif failure:
             message = (
-                f"trim at {p[0]:g} m/s did not converge in {iterations} iterations, so that there "
+                f"trim at {case.flight} did not converge in {iterations} iterations, so that there "
                 f"may be one; try another guess. Where it stopped, {failure}"
             )
         trimmed = missed <= TOLERANCE
         return TrimResult(
             speed=float(p[0]),
-            **{name: named[name] for name in ANGLES},
+            gravity=float(p[2]),
+            **{name: named[name] for name in MOTION},
+            coordinated=case.coordinated,
             flight_path=float(np.arcsin(np.clip(-float((attitude @ velocity)[2]) / p[0], -1, 1))),
             inputs={name: named[name] for name in aircraft.inputs},
             input_units=dict(aircraft.inputs),
@@ -272,7 +233,7 @@ class TrimSolver:
                 wing.name: at_root(wing, wrench).full().ravel()
                 for wing, wrench in zip(aircraft.beams, on_body, strict=True)
             },
-            airloads=self._airloads(p, velocity, q, named),
+            airloads=self._airloads(p, attitude, velocity, q, named),
             strain_energy=float(energy) * p[-1],
             drag=float(drag),
             balances=dict(zip(BALANCES, (balances.full().ravel() * scales).tolist(), strict=True)),
@@ -283,13 +244,20 @@ class TrimSolver:
             active_bounds=active,
             message=message,
             unknowns=x,
-            free=_free(case, problem.names, bounds),
+            bounds=free_bounds(problem, bounds, p),
+            path_is_free=case.flight_path is None,
         )
 
     def _airloads(
-        self, p: Array, velocity: ca.DM, q: dict[str, ca.DM], named: dict[str, float]
+        self,
+        p: Array,
+        attitude: ca.DM,
+        velocity: ca.DM,
+        q: dict[str, ca.DM],
+        named: dict[str, float],
     ) -> dict[str, StripForces]:
-        flow = Flow(density=p[1], velocity=velocity)
+        rate = named["turn_rate"] * attitude[2, :].T
+        flow = Flow(density=p[1], velocity=velocity, angular_rate=rate)
         found = {}
         for wing in self.problem.aircraft.beams:
             if wing.strips is None:
@@ -303,12 +271,6 @@ class TrimSolver:
             )
             found[wing.name] = strip_forces(wing.beam, q[wing.name], load)
         return found
-
-
-def _free(case: Case, names: Sequence[str], bounds: tuple[Array, Array]) -> tuple[str, ...]:
-    """Angles and inputs that are not held, and the path if it is not."""
-    free = [name for name, low, high in zip(names, *bounds, strict=False) if low < high]
-    return (*free, *(("flight_path",) if case.flight_path is None else ()))
 
 
 def _run(

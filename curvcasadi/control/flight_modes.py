@@ -173,8 +173,6 @@ def flight_modes(
     model: ControlModel,
     trim: TrimResult,
     p: Number | Mapping[str, Number] | None = None,
-    *,
-    turn_rate: float = 0.0,
 ) -> FlightModes:
     """The modes of an aircraft in trimmed flight, the ones of the rigid aircraft by name.
 
@@ -183,11 +181,9 @@ def flight_modes(
     model : ControlModel
         An `aircraft_model`.
     trim : TrimResult
-        A trim of the same aircraft in the same air.
+        A trim of the same aircraft in the same air, straight or turning.
     p : array or mapping of str to number, optional
         Parameters of the model, zero unless given.
-    turn_rate : float
-        Rate of the heading, rad/s: of a steady turn, as of `trimmed_state`.
 
     Returns
     -------
@@ -201,7 +197,7 @@ def flight_modes(
     """
     from scipy.linalg import eig
 
-    at = trimmed_state(model, trim, p, turn_rate=turn_rate)
+    at = trimmed_state(model, trim, p)
     basis = _reduction(model, at.x)
     values, left, right = eig(
         basis.T @ linearize(model, at.x, at.u, p).A @ basis, left=True, right=True

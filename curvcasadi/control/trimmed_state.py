@@ -9,20 +9,21 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from curvcasadi.aircraft.trim_problem import ANGLES
+from curvcasadi.aircraft.trim_problem import MOTION
 from curvcasadi.aircraft.trim_result import TrimResult
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.signals import stacked
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.lie import quaternion
-from curvcasadi.symbolic.expressions import Array, Number, expression, instance
+from curvcasadi.symbolic.expressions import Array, Number, instance
 
 #: What is left of the equations beside the sum of the sizes of their terms, and most iterations.
 TOLERANCE, ITERATIONS = 1e-9, 20
-#: Steps in which a turn is approached from straight flight.
-TURNS = 4
-#: What the angle of attack may move from that of the trim, relative and in rad, without a warning.
+#: What an angle or an input may move from that of the trim, relative, without a warning; at least
+#: 0.005 rad, and of thrusts this share of the weight of a wing.
 MOVED, MOVED_LEAST = 0.1, 0.005
+#: What an unknown may stand beyond its bound, of the size of both bounds.
+BEYOND = 1e-6
 
 
 class TrimmedState(NamedTuple):
@@ -44,16 +45,15 @@ def trimmed_state(
     model: ControlModel,
     trim: TrimResult,
     p: Number | Mapping[str, Number] | None = None,
-    *,
-    turn_rate: float = 0.0,
 ) -> TrimmedState:
     """The state of a model in trimmed flight, so that `simulate` from there stays there.
 
     A trim has quasi-steady strips. With a state of the air for each strip they are those of the
     model in steady flight; lag functions along the span, which cannot follow every distribution of
     the angle of attack, and induced flow of another kind move the equilibrium a little. What the
-    trim left free is therefore solved for once more, with the equations of the model. A warning
-    names an angle of attack that is another then, as in other air.
+    trim left free is therefore solved for once more, within its bounds, with the equations of the
+    model; in a turn the heading turns, and nothing else. A warning names the angles and inputs that
+    are others then, as in other air.
 
     Parameters
     ----------
@@ -63,9 +63,6 @@ def trimmed_state(
         Of this aircraft.
     p : array or mapping of str to number, optional
         Parameters of the model, zero unless given: a gust is met as if it were steady.
-    turn_rate : float
-        Rate of the heading, rad/s, to the right: a steady turn at the speed and climb of the trim.
-        Sideslip, roll angle and all inputs are free then, and change as little as they can.
 
     Returns
     -------
@@ -77,51 +74,66 @@ def trimmed_state(
     ValueError
         If the trim is not one, or that of another aircraft.
     ConvergenceError
-        If the model has no such equilibrium near the trim.
+        If the model has no such equilibrium near the trim, or one beyond bounds, all of which are
+        named; its `result` is the state that came nearest.
     """
     instance("trim", trim, TrimResult)
     motion = _motion(model, trim)
     if not trim.trimmed:
         raise ValueError(f"trim: expected a flight in balance, found {trim.message!r}")
-    rate = float(expression("turn_rate", turn_rate, (1, 1)))
-    unknowns = _Unknowns(model, trim, turning=bool(rate))
-    z, turning = ca.MX.sym("z", unknowns.size), ca.MX.sym("turn_rate")
-    held = ca.DM(stacked("p", model.p, p))
-    x, u, climb = unknowns.state(z, turning)
-    left = ca.vertcat(*motion.balance(x, ca.DM.zeros(motion.velocities), u, held), climb)
-    rest = ca.Function("rest", [z, turning], [left])
-    slope = ca.Function("slope", [z, turning], [ca.densify(ca.jacobian(left, z))])
-    at = ca.Function("at", [z, turning], [x, u])
-    value = unknowns.start
-    for share in np.linspace(0, 1, TURNS + 1)[1:] if rate else [1.0]:
-        value, size = _newton(rest, slope, value, share * rate, unknowns)
-    found = TrimmedState(*(part.full().ravel() for part in at(value, rate)))
-    if not size < TOLERANCE:
-        steady = f"turn of {rate:g} rad/s" if rate else "equilibrium"
-        remedy = (
-            "are there inputs that roll and yaw it?"
-            if rate
-            else ("is the density the same, and the aircraft?")
+    unknowns = _Unknowns(model, trim)
+    z, held = ca.MX.sym("z", unknowns.size), ca.DM(stacked("p", model.p, p))
+    x, u, path = unknowns.state(z)
+    left = ca.vertcat(*motion.balance(x, ca.DM.zeros(motion.velocities), u, held), *path)
+    rest = ca.Function("rest", [z], [left])
+    slope = ca.Function("slope", [z], [ca.densify(ca.jacobian(left, z))])
+    value, beyond = _within_bounds(rest, slope, unknowns)
+    found = TrimmedState(
+        *(part.full().ravel() for part in ca.Function("at", [z], [x, u])(value[0]))
+    )
+    if not value[1] < TOLERANCE:
+        why = (
+            f"it lies beyond the bounds of the trim: {'; '.join(beyond)}"
+            if beyond
+            else "is the density the same, and the aircraft?"
         )
         raise ConvergenceError(
-            f"trimmed_state: no {steady} of {model.name!r} near the trim at {trim.speed:g} m/s; "
-            f"{remedy}",
+            f"trimmed_state: no equilibrium of {model.name!r} near the trim at {trim.speed:g} m/s; "
+            f"{why}",
             found,
         )
-    if not rate:
-        _warn_of_another_flight(float(value[0]), trim)
+    _warn_of_another_flight(value[0], unknowns)
     return found
 
 
+def _within_bounds(
+    rest: ca.Function, slope: ca.Function, unknowns: _Unknowns
+) -> tuple[tuple[Array, float], list[str]]:
+    """The equilibrium within bounds and what is left of it, and what was beyond bounds before.
+
+    What stands beyond a bound is held there, as long as the others can balance without it.
+    """
+    free, start = unknowns.free.copy(), unknowns.start
+    words: list[str] = []
+    while True:
+        found = _newton(rest, slope, start, free, unknowns.scales)
+        value, size = found
+        outside = free & unknowns.beyond(value)
+        if not size < TOLERANCE or not np.any(outside):
+            return found, words
+        words += unknowns.in_words(value, outside)
+        start, free = np.clip(value, unknowns.lower, unknowns.upper), free & ~outside
+
+
 def _newton(
-    rest: ca.Function, slope: ca.Function, start: Array, rate: float, unknowns: _Unknowns
+    rest: ca.Function, slope: ca.Function, start: Array, free: Array, scales: Array
 ) -> tuple[Array, float]:
     """Free unknowns by Newton's method, the smallest steps, and what is left beside its terms."""
-    value, size, scales = start, np.inf, unknowns.scales[unknowns.free]
+    value, size, scales = start, np.inf, scales[free]
     for _ in range(ITERATIONS):
-        residual, matrix = (f(value, rate).full() for f in (rest, slope))
+        residual, matrix = (f(value).full() for f in (rest, slope))
         # Every row by the sizes of its terms, every column by that of its unknown.
-        scaled = matrix[:, unknowns.free] * scales
+        scaled = matrix[:, free] * scales
         rows = np.abs(scaled).sum(axis=1)
         rows = np.where(rows > 0, rows, 1.0)
         left_over = residual.ravel() / rows
@@ -130,49 +142,90 @@ def _newton(
             break
         step = np.linalg.lstsq(scaled / rows[:, None], -left_over, rcond=1e-12)[0]
         value = value.copy()
-        value[unknowns.free] += step * scales
+        value[free] += step * scales
     return value, size
 
 
-def _warn_of_another_flight(alpha: float, trim: TrimResult) -> None:
-    """Warn of an angle of attack that is not that of the trim, as in other air."""
-    before = trim.angle_of_attack
-    if abs(alpha - before) > MOVED * abs(before) + MOVED_LEAST:
+def _warn_of_another_flight(value: Array, unknowns: _Unknowns) -> None:
+    """Warn of angles and inputs that are others than those of the trim, as in other air."""
+    count = len(unknowns.names)
+    before, after = unknowns.start[:count], value[:count]
+    allowed = MOVED * np.abs(before) + MOVED_LEAST * unknowns.scales[:count]
+    moved = [
+        f"{unknowns.names[k]} is {after[k]:.4g} {unknowns.units[k]} instead of {before[k]:.4g}"
+        for k in np.flatnonzero(np.abs(after - before) > allowed)
+    ]
+    if moved:
         warnings.warn(
-            f"trimmed_state: the angle of attack is {alpha:.4g} rad in the model's equilibrium and "
-            f"{before:.4g} rad in the trim: are density, gravity and induced flow the same?",
+            "trimmed_state: the model's equilibrium is not that of the trim: "
+            f"{'; '.join(moved)}; are density, gravity and induced flow the same?",
             UserWarning,
             stacklevel=3,
         )
 
 
 class _Unknowns:
-    """Angles, inputs, weights and states of the air, stacked, and the state that they make."""
+    """Motion, inputs, weights and states of the air, stacked, and the state that they make."""
 
-    def __init__(self, model: ControlModel, trim: TrimResult, turning: bool) -> None:
+    def __init__(self, model: ControlModel, trim: TrimResult) -> None:
         self.model, self.trim = model, trim
+        self.names = [*MOTION, *trim.inputs]
+        self.units = [*MOTION.values(), *trim.input_units.values()]
         self.lag = [part for part in model.x.parts if part.name.startswith("lag_")]
-        pieces: list[Array] = [np.array([getattr(trim, name) for name in ANGLES])]
+        pieces: list[Array] = [np.array([getattr(trim, name) for name in MOTION])]
         pieces += [np.array([*trim.inputs.values()])]
         pieces += [q.full().ravel() for q in trim.q.values()]
         pieces += [np.zeros(part.size) for part in self.lag]
         self.ends = np.cumsum([0, *map(len, pieces)]).tolist()
         self.start = np.concatenate(pieces)
-        self.size = self.start.size
-        names = [*ANGLES, *trim.inputs]
+        self.size, count = self.start.size, len(self.names)
         self.free = np.ones(self.size, dtype=bool)
-        self.free[: len(names)] = [turning or name in trim.free for name in names]
-        forces = [unit == "N" for unit in trim.input_units.values()]
+        self.free[:count] = [name in trim.bounds for name in self.names]
         typical = max((abs(load[5]) for load in trim.root_loads.values()), default=1.0)
+        by_unit = {"N": max(typical, 1.0)}
         self.scales = np.ones(self.size)
-        self.scales[len(ANGLES) : len(names)][forces] = max(typical, 1.0)
+        self.scales[:count] = [by_unit.get(unit, 1.0) for unit in self.units]
         self.scales[self.ends[2 + len(trim.q)] :] = trim.speed
+        self.lower, self.upper = self._bounds()
 
-    def state(self, z: ca.MX, turn_rate: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
-        """State, inputs, and what is left of the climb, where the trim holds it, m/s."""
+    def _bounds(self) -> tuple[Array, Array]:
+        """Those of the trim, and of the weights of the model."""
+        lower, upper = np.full((2, self.size), [[-np.inf], [np.inf]])
+        for k, name in enumerate(self.names):
+            lower[k], upper[k] = self.trim.bounds.get(name, (-np.inf, np.inf))
+        parts = {part.name: part for part in self.model.x.parts}
+        for wing, start, stop in zip(self.trim.q, self.ends[2:], self.ends[3:], strict=False):
+            part = parts[f"q_{wing}"]
+            lower[start:stop], upper[start:stop] = part.lower, part.upper
+        return lower, upper
+
+    def beyond(self, value: Array) -> Array:
+        """Which unknowns stand beyond their bounds."""
+        finite = [np.where(np.isfinite(side), np.abs(side), 0) for side in (self.lower, self.upper)]
+        slack = BEYOND * np.maximum(sum(finite), self.scales)
+        return np.asarray((value < self.lower - slack) | (value > self.upper + slack))
+
+    def in_words(self, value: Array, which: Array) -> list[str]:
+        """Unknowns and the bounds that they stand beyond."""
+        names, units = [*self.names], [*self.units]
+        for wing, q in self.trim.q.items():
+            names += [f"{wing} q[{i}]" for i in range(q.numel())]
+            units += ["rad/m"] * q.numel()
+        return [
+            f"{names[k]} would be {value[k]:.6g} {units[k]}, "
+            + (
+                f"below {self.lower[k]:g}"
+                if value[k] < self.lower[k]
+                else f"above {self.upper[k]:g}"
+            )
+            for k in np.flatnonzero(which)
+        ]
+
+    def state(self, z: ca.MX) -> tuple[ca.MX, ca.MX, list[ca.MX]]:
+        """State, inputs, and what is left of the path that the trim holds, m/s and m/s²."""
         trim, model = self.trim, self.model
-        angles, inputs, *parts = ca.vertsplit(z, self.ends)
-        alpha, pitch, beta, roll = ca.vertsplit(angles)
+        motion, inputs, *parts = ca.vertsplit(z, self.ends)
+        alpha, pitch, beta, roll, turn_rate = ca.vertsplit(motion)
         attitude = quaternion.product(
             quaternion.exp(ca.vertcat(0, pitch, 0)), quaternion.exp(ca.vertcat(roll, 0, 0))
         )
@@ -180,14 +233,18 @@ class _Unknowns:
             ca.cos(alpha) * ca.cos(beta), ca.sin(beta), ca.sin(alpha) * ca.cos(beta)
         )
         named = {part.name: ca.MX.zeros(part.size) for part in model.x.parts}
-        down = quaternion.rotation(attitude)[2, :]  # inertial z in body axes
-        named |= {"quaternion_wxyz": attitude, "twist": ca.vertcat(turn_rate * down.T, velocity)}
+        down = quaternion.rotation(attitude)[2, :].T  # inertial z in body axes
+        omega = turn_rate * down
+        named |= {"quaternion_wxyz": attitude, "twist": ca.vertcat(omega, velocity)}
         keys = [f"q_{name}" for name in trim.q] + [part.name for part in self.lag]
         named |= dict(zip(keys, parts, strict=True))
         by_name = dict(zip(trim.inputs, ca.vertsplit(inputs), strict=True))
-        climb = down @ velocity + trim.speed * np.sin(trim.flight_path)
-        held = climb if "flight_path" not in trim.free else ca.MX(0, 1)
-        return model.x.join(named), model.u.join(by_name), held
+        path = []
+        if not trim.path_is_free:
+            path.append(ca.dot(down, velocity) + trim.speed * np.sin(trim.flight_path))
+        if trim.coordinated:
+            path.append((ca.cross(omega, velocity) - trim.gravity * down)[1])
+        return model.x.join(named), model.u.join(by_name), path
 
 
 def _motion(model: ControlModel, trim: TrimResult) -> SecondOrder:
@@ -205,4 +262,11 @@ def _motion(model: ControlModel, trim: TrimResult) -> SecondOrder:
         raise ValueError(
             f"model: expected the inputs {sorted(trim.inputs)} of the trim, found {sorted(inputs)}"
         )
+    sizes = {part.name: part.size for part in model.x.parts}
+    for name, q in trim.q.items():
+        if sizes[f"q_{name}"] != q.numel():
+            raise ValueError(
+                f"model: expected {q.numel()} weights of the wing {name!r}, as the trim has, found "
+                f"{sizes[f'q_{name}']}"
+            )
     return motion

@@ -23,8 +23,12 @@ from curvcasadi.dynamics.inverse import (
 from curvcasadi.dynamics.mass import (
     mass_matrix,
 )
+from curvcasadi.dynamics.rotation import (
+    SteadyRotation,
+)
 
 __all__ = [
+    "SteadyRotation",
     "VibrationModes",
     "forward_dynamics",
     "forward_dynamics_function",

@@ -63,6 +63,30 @@ def total_mass(beam: Beam) -> AnyExpr:
     return sum((site.measure * section.mass_at(site.xi) for site in sites(beam, mesh)), mass)
 
 
+def lumped(beam: Beam, mesh: Mesh) -> list[AnyExpr]:
+    """Ten numbers (10, 1) of every station: the section over the panels of `mesh`, and the bodies.
+
+    Raises
+    ------
+    ValueError
+        If the beam has no mass.
+    """
+    section = beam.section
+    if not isinstance(section, Section) or (section.mass_per_length is None and not beam.bodies):
+        raise ValueError(
+            "Beam: dynamics need mass, Section.mass_per_length or Beam.bodies; found neither"
+        )
+    totals: list[AnyExpr] = [ca.DM.zeros(SIZE) for _ in mesh.stations]
+    if section.mass_per_length is not None:
+        for site in sites(beam, mesh):
+            totals[site.node] += site.measure * _section_inertia(section, site.xi)
+    for body in beam.bodies:
+        node = int(np.argmin(np.abs(mesh.stations - body.xi)))
+        inertia = expression("Body.inertia", body.inertia, (3, 3))
+        totals[node] += about_point(body.mass, body.offset, inertia)
+    return totals
+
+
 def station_inertias(beam: Beam, mesh: Mesh) -> StationInertias:
     """Inertia of the section, integrated over the panels of `mesh`, and of the bodies.
 
@@ -72,19 +96,7 @@ def station_inertias(beam: Beam, mesh: Mesh) -> StationInertias:
         If the beam has no mass, or nothing resists a rotation about the beam although there are
         weights of torsion.
     """
-    section = beam.section
-    if not isinstance(section, Section) or (section.mass_per_length is None and not beam.bodies):
-        raise ValueError(
-            "Beam: dynamics need mass, Section.mass_per_length or Beam.bodies; found neither"
-        )
-    totals = [ca.DM.zeros(SIZE) for _ in mesh.stations]
-    if section.mass_per_length is not None:
-        for site in sites(beam, mesh):
-            totals[site.node] += site.measure * _section_inertia(section, site.xi)
-    for body in beam.bodies:
-        node = int(np.argmin(np.abs(mesh.stations - body.xi)))
-        inertia = expression("Body.inertia", body.inertia, (3, 3))
-        totals[node] += about_point(body.mass, body.offset, inertia)
+    totals = lumped(beam, mesh)
     mask = tuple(any(_differs_from_zero(total[k]) for total in totals) for k in range(SIZE))
     _check(beam, totals, mask)
     kept = [k for k in range(SIZE) if mask[k]]

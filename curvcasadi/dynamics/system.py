@@ -10,6 +10,7 @@ import casadi as ca
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.pose import Pose
 from curvcasadi.dynamics.inertia import StationInertias, inertial_mesh, station_inertias
+from curvcasadi.dynamics.rotation import SteadyRotation
 from curvcasadi.kinematics import chain
 from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.kinematics.weights import check_angles
@@ -112,6 +113,11 @@ def in_parent(
 
     Gravity is that of `parent`; what `loads` have of it is left out.
     """
+    if any(isinstance(load, SteadyRotation) for load in loads):
+        raise ValueError(
+            "loads: expected no SteadyRotation in dynamics, where inertial forces are those of the "
+            "motion of the root; give its twist instead"
+        )
     mesh = inertial_mesh(beam, loads)
     inertias = station_inertias(beam, mesh)
     others = [load for load in loads if not isinstance(load, Gravity)]

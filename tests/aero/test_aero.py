@@ -79,6 +79,8 @@ def wrench_by_hand(beam, q, strips, flow, flap, side):
         k, u_s = pressure * 5.8 * tip, u - c / 4 * side * roll
         drag, moment = 0.02 + 0.1 * flap * flapped, -0.05 - 0.6 * flap * flapped
         moment = moment * speed**2 + 0.08 * u * speed
+        # In a steady rotation a section is cambered by it, −π ρ b³/2 V_y Ω_x nose-up.
+        moment -= np.pi / 8 * c * ahead * side * roll
         forward, upward = R[:, 1], side * R[:, 2]
         force = k * (0.9 * (u_s**2 - u**2 - there * u) * forward + ahead * u * upward)
         force -= pressure * drag * speed * (ahead * forward + up * upward)

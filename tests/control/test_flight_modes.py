@@ -99,26 +99,53 @@ def test_trimmed_flight_stays_trimmed(model, start):
     assert_allclose(found.part("position")[2], 0, atol=1e-10 * SPEED * times[-1])
 
 
-def test_a_steady_turn_is_one_of_the_model(model, trimmed):
-    rate = 0.08
-    x, u = cc.trimmed_state(model, trimmed, turn_rate=rate)
+@pytest.fixture(scope="module")
+def turning(hale):
+    """A turn to the right; without a rudder the sideslip is free."""
+    turn = cc.Turn(rate=0.08)
+    return cc.trim(hale, speed=SPEED, density=DENSITY, turn=turn, free=("sideslip",))
+
+
+def test_a_steady_turn_is_an_equilibrium_of_the_model(model, turning):
+    x, u = cc.trimmed_state(model, turning)
+    found = model.u.split(ca.DM(u))
+    for name, value in turning.inputs.items():
+        assert_allclose(float(found[name]), value, rtol=1e-9)
+    parts = model.x.split(ca.DM(x))
+    for name, q in turning.q.items():
+        assert_allclose(parts[f"q_{name}"], q, atol=1e-11)
     rates = model.x.split(model.xdot(x, u, []))
     for name in set(rates) - {"position", "quaternion_wxyz"}:
-        assert_allclose(rates[name], 0, atol=1e-10, err_msg=name)
-    state = model.x.split(ca.DM(x))
-    omega, velocity = state["twist"][:3], state["twist"][3:]
-    rotation = quaternion.rotation(state["quaternion_wxyz"])
+        assert_allclose(rates[name], 0, atol=1e-11, err_msg=name)
+    omega, velocity = parts["twist"][:3], parts["twist"][3:]
+    rotation = quaternion.rotation(parts["quaternion_wxyz"])
     # The heading turns, nothing else; the flight stays level and as fast.
-    assert_allclose(rotation @ omega, [[0], [0], [rate]], atol=1e-12)
-    assert_allclose((rotation @ velocity)[2], 0, atol=1e-10)
-    assert_allclose(ca.norm_2(velocity), SPEED, rtol=1e-12)
-    # Lift carries weight and centripetal force, tan φ = V ω/g, but for sideslip.
-    roll = np.arctan2(float(rotation[2, 1]), float(rotation[2, 2]))
-    assert_allclose(np.tan(roll), SPEED * rate / 9.80665, rtol=0.1)
-    turned = cc.flight_modes(model, trimmed, turn_rate=rate)
-    straight = cc.flight_modes(model, trimmed)
+    assert_allclose(rotation @ omega, [[0], [0], [0.08]], atol=1e-15)
+    assert_allclose((rotation @ velocity)[2], 0, atol=1e-12)
+    assert_allclose(ca.norm_2(velocity), SPEED, rtol=1e-14)
+
+
+def test_a_turning_aircraft_flies_a_circle(model, turning):
+    x, u = cc.trimmed_state(model, turning)
+    times = np.linspace(0, 2, 5)
+    found = cc.simulate(model, x, times, u=u, method="implicit_midpoint", dt=0.02)
+    for name in {part.name for part in model.x.parts} - {"quaternion_wxyz", "position"}:
+        start = found.part(name)[:, :1]
+        assert_allclose(found.part(name) - start, 0, atol=1e-10, err_msg=name)
+    # Where it flew at the start: sideslip turns the path away from the heading.
+    path = model.xdot(x, u, [])[model.x.slices["position"]].full().ravel()
+    course = np.arctan2(path[1], path[0])
+    at = turning.turn_radius * np.exp(1j * course) * (np.exp(0.08j * times) - 1) / 1j
+    north, east, down = found.part("position")
+    # The attitude turns by the rule's order 2: a relative (ω dt)²/12 of the rate.
+    assert_allclose(north + 1j * east, at, atol=1e-6 * SPEED)
+    assert_allclose(down, 0, atol=1e-10)
+
+
+def test_modes_of_a_turn_are_named(model, turning, modes):
+    turned = cc.flight_modes(model, turning)
     for name in ("phugoid", "short period", "dutch roll"):
-        assert_allclose(turned[name].eigenvalue, straight[name].eigenvalue, rtol=0.5)
+        assert_allclose(turned[name].eigenvalue, modes[name].eigenvalue, rtol=0.5)
 
 
 def mirrored(model, x):
@@ -193,8 +220,49 @@ def test_a_mode_is_an_eigenvector_of_the_linear_model(model, start, modes):
 def test_the_trim_of_another_air_is_named(hale, trimmed):
     lag = cc.IndicialLag(poles=2, modes=None)
     denser = cc.aircraft_model(hale, density=1.5 * DENSITY, lag=lag, outputs=())
-    with pytest.warns(UserWarning, match="angle of attack is .* are density, gravity and"):
+    with pytest.warns(
+        UserWarning, match="angle_of_attack is .* instead of .* are density, gravity and"
+    ):
         cc.trimmed_state(denser, trimmed)
+
+
+def test_an_equilibrium_beyond_bounds_is_refused_by_name(hale, trimmed):
+    lag = cc.IndicialLag(poles=2, modes=1)  # moves the equilibrium: one function for a wing
+    model = cc.aircraft_model(hale, density=DENSITY, lag=lag, outputs=())
+    _, u = cc.trimmed_state(model, trimmed)
+    moved = dict(zip([part.name for part in model.u.parts], u, strict=True))
+    sides = {}
+    for name in ("elevator", "thrust"):
+        ends = sorted([trimmed.inputs[name], (trimmed.inputs[name] + moved[name]) / 2])
+        sides[name] = tuple(ends)
+    tight = replace(trimmed, bounds={**trimmed.bounds, **sides})
+    with pytest.raises(cc.ConvergenceError) as failure:
+        cc.trimmed_state(model, tight)
+    for name, (low, high) in sides.items():
+        side = f"below {low:g}" if moved[name] < low else f"above {high:g}"
+        assert f"{name} would be {moved[name]:.6g} " in str(failure.value)
+        assert side in str(failure.value)
+    assert len(failure.value.result.x) == model.x.size
+
+
+def test_an_input_at_its_bound_stays_there(hale):
+    flap = cc.ControlSurface(name="flap", lift=3.0, start=0.5)
+    right = hale.beams[0]
+    right = replace(right, strips=replace(right.strips, controls=(flap,)))
+    plane = replace(hale, beams=(right, cc.mirror_wing(right, "left")))
+    flight = {"speed": SPEED, "density": DENSITY, "bounds": {"flap": (-0.1, 0.1)}}
+    least = cc.trim(plane, **flight, objective="root_bending")
+    lag = cc.IndicialLag(poles=2, modes=1)
+    model = cc.aircraft_model(plane, density=DENSITY, lag=lag, outputs=())
+    with pytest.warns(UserWarning, match=r"flap is -0.07\d* rad instead of -0.1;"):
+        _, u = cc.trimmed_state(model, least)
+    flown = float(model.u.split(ca.DM(u))["flap"])
+    # One bound that is in the way: the other inputs balance without the flap.
+    held = replace(least, bounds={**least.bounds, "flap": (-0.5, flown - 0.01)})
+    with pytest.warns(UserWarning, match="elevator is"):
+        x, u = cc.trimmed_state(model, held)
+    assert_allclose(model.u.split(ca.DM(u))["flap"], flown - 0.01, rtol=1e-14)
+    assert_allclose(model.x.split(model.xdot(x, u, []))["twist"], 0, atol=1e-10)
 
 
 def test_what_is_no_trim_of_the_model_is_named(model, trimmed):
@@ -204,7 +272,8 @@ def test_what_is_no_trim_of_the_model_is_named(model, trimmed):
         cc.flight_modes(model, replace(trimmed, q={"right": trimmed.q["right"]}))
     with pytest.raises(ValueError, match=r"model: expected the inputs \['elevator'\] of the trim"):
         cc.flight_modes(model, replace(trimmed, inputs={"elevator": 0.0}))
-    with pytest.raises(cc.ConvergenceError, match=r"no turn of 3 rad/s of 'aircraft' near"):
-        cc.trimmed_state(model, trimmed, turn_rate=3.0)
+    shorter = {name: q[:-1] for name, q in trimmed.q.items()}
+    with pytest.raises(ValueError, match=r"expected 8 weights of the wing 'right'.*found 9"):
+        cc.trimmed_state(model, replace(trimmed, q=shorter))
     with pytest.raises(KeyError, match="short period"):
         cc.flight_modes(model, trimmed)["short_period"]

@@ -74,12 +74,30 @@ def midpoint_step(rule: Midpoint, h: float) -> ca.Function:
     x, u, p = rule.symbols
     x_next, residual, _, _ = midpoint_solver(rule)(x, u, p, h, ca.DM.zeros(rule.n_rates))
     end = ca.MX.sym("out_x_next", rule.model.x.size)
+    (_, v, o), (_, v_next, o_next) = _split(rule, x), _split(rule, end)
+    rates = ca.vertcat(v_next - v, o_next - o) / h
     return with_jacobian(
         f"{rule.model.name}_step",
         {"x": x, "u": u, "p": p},
         {"x_next": x_next, "residual": residual},
-        {"x_next": _slope(rule, h, x, u, p, end)},
+        {"x_next": _slope(rule, h, x, u, p, rates)},
         nominal={"x_next": end},
+    )
+
+
+def midpoint_step_of_any_length(rule: Midpoint) -> ca.Function:
+    """(x, u, p, h) -> x_next, residual, rates; no derivative is taken by the length h, which may
+    be zero."""
+    x, u, p = rule.symbols
+    h, rates = ca.MX.sym("h"), ca.MX.sym("out_rates", rule.n_rates)
+    z, residual, *_ = _solved(rule, x, u, p, h, ca.MX.zeros(rule.n_rates))
+    return with_jacobian(
+        f"{rule.model.name}_step_of",
+        {"x": x, "u": u, "p": p, "h": h},
+        {"x_next": after(rule, h, 1.0, x, z), "residual": residual, "rates": z},
+        {"x_next": _slope(rule, h, x, u, p, rates)},
+        held=["h"],
+        nominal={"rates": rates},
     )
 
 
@@ -91,15 +109,8 @@ def midpoint_solver(rule: Midpoint) -> ca.Function:
     """
     x, u, p = rule.symbols
     h, guess = ca.MX.sym("h"), ca.MX.sym("guess", rule.n_rates)
-    nv = rule.motion.velocities
-    matrix, factors, linear, elastic = _linear_part(rule, h, x, p)
-    force, rates = ca.vertsplit(guess, [0, nv, rule.n_rates])
-    start = ca.vertcat(ldl_substitute(nv)(factors, force - linear), rates)
-    decay = ca.MX.zeros(rule.n_rates - nv)
-    if rule.motion.decays is not None:
-        decay = rule.motion.decays(x, p)
-    z, residual, count = _loop(rule)(start, x, u, p, h, factors, elastic, decay)
-    a, rates = ca.vertsplit(z, [0, nv, rule.n_rates])
+    z, residual, count, matrix, linear = _solved(rule, x, u, p, h, guess)
+    a, rates = ca.vertsplit(z, [0, rule.motion.velocities, rule.n_rates])
     forces = ca.vertcat(matrix @ a + linear, rates)
     return ca.Function(
         f"{rule.model.name}_midpoint",
@@ -108,6 +119,21 @@ def midpoint_solver(rule: Midpoint) -> ca.Function:
         ["x", "u", "p", "h", "guess"],
         ["x_next", "residual", "forces", "iterations"],
     )
+
+
+def _solved(
+    rule: Midpoint, x: ca.MX, u: ca.MX, p: ca.MX, h: ca.MX, guess: ca.MX
+) -> tuple[ca.MX, ...]:
+    """Rates z, residual, iterations; and A and C v + S (c + h/2 v)."""
+    nv = rule.motion.velocities
+    matrix, factors, linear, elastic = _linear_part(rule, h, x, p)
+    force, rates = ca.vertsplit(guess, [0, nv, rule.n_rates])
+    start = ca.vertcat(ldl_substitute(nv)(factors, force - linear), rates)
+    decay = ca.MX.zeros(rule.n_rates - nv)
+    if rule.motion.decays is not None:
+        decay = rule.motion.decays(x, p)
+    z, residual, count = _loop(rule)(start, x, u, p, h, factors, elastic, decay)
+    return z, residual, count, matrix, linear
 
 
 def after(rule: Midpoint, h: AnyExpr, share: float, x: ca.MX, z: ca.MX) -> ca.MX:
@@ -195,26 +221,27 @@ def _iteration(
     z_next = z - change
     _, v, o = _split(rule, x)
     real = rule.model.real
-    relative = relative_size(change[:nv], ca.norm_1(z_next[:nv]) + ca.norm_1(v) / h + elastic, real)
+    # Times h, so that a step of no length has converged.
+    size = h * (ca.norm_1(z_next[:nv]) + elastic) + ca.norm_1(v)
+    relative = relative_size(h * change[:nv], size, real)
     if o.numel():
-        relative += relative_size(change[nv:], ca.norm_1(z_next[nv:]) + ca.norm_1(o) / h, real)
+        size = h * ca.norm_1(z_next[nv:]) + ca.norm_1(o)
+        relative += relative_size(h * change[nv:], size, real)
     return z_next, relative
 
 
-def _slope(rule: Midpoint, h: float, x: ca.MX, u: ca.MX, p: ca.MX, end: ca.MX) -> ca.MX:
-    """d x_next / d(x, u, p) where F(x, u, p, z) = 0:  dz = −F_z⁻¹ dF.
-
-    The rates are those that led to `end`.
-    """
-    (_, v, o), (_, v_next, o_next) = _split(rule, x), _split(rule, end)
-    rates = ca.vertcat(v_next - v, o_next - o) / h
+def _slope(rule: Midpoint, h: AnyExpr, x: ca.MX, u: ca.MX, p: ca.MX, rates: ca.MX) -> ca.MX:
+    """d x_next / d(x, u, p) where F(x, u, p, z) = 0:  dz = −F_z⁻¹ dF, z = `rates`."""
     n_inputs = x.numel() + u.numel() + p.numel()
-    stacked = ca.MX.sym("inputs", n_inputs + rule.n_rates)
+    stacked, length = ca.MX.sym("inputs", n_inputs + rule.n_rates), ca.MX.sym("h")
     ends = np.cumsum([0, x.numel(), u.numel(), p.numel(), rule.n_rates]).tolist()
     arguments = ca.vertsplit(stacked, ends)
-    results = [errors(rule, h, *arguments), after(rule, h, 1.0, arguments[0], arguments[3])]
+    results = [
+        errors(rule, length, *arguments),
+        after(rule, length, 1.0, arguments[0], arguments[3]),
+    ]
     slopes = [ca.densify(ca.jacobian(result, stacked)) for result in results]
-    f, g = ca.Function("slopes", [stacked], slopes)(ca.vertcat(x, u, p, rates))
+    f, g = ca.Function("slopes", [stacked, length], slopes)(ca.vertcat(x, u, p, rates), h)
     f_inputs, f_z = ca.horzsplit(f, [0, n_inputs, stacked.numel()])
     g_inputs, g_z = ca.horzsplit(g, [0, n_inputs, stacked.numel()])
     return g_inputs - g_z @ ca.solve(f_z, f_inputs, "qr")

@@ -146,7 +146,8 @@ def simulate(
     ValueError
         If an argument has a wrong size, an input or parameter leaves its bounds (an angle without
         any: ±π/2), a quaternion has no unit length, times do not increase, or an element turns by
-        more than `Grid.max_angle` at the start. A motion that turns it so far later warns.
+        more than `Grid.max_angle` at the start. A motion that turns it so far later warns, and so
+        does a step of "rk4" that is unstable.
     ConvergenceError
         If a step does not converge or leaves the numbers; it names time and remedy, and `.result`
         is the simulation up to there.

@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 import casadi as ca
+import numpy as np
 
 from curvcasadi.control.implicit_midpoint import ITERATIONS, TOLERANCE, Midpoint, midpoint_step
 from curvcasadi.control.model import ControlModel
+from curvcasadi.control.stability import warn_of_unstable_step
 from curvcasadi.lie import quaternion
 from curvcasadi.symbolic.expressions import AnyExpr, choice, count, instance, is_numeric, positive
 
@@ -34,8 +36,9 @@ def step_function(
         Length of the step, s.
     method : {"rk4", "implicit_midpoint"}
         The classical Runge–Kutta method of order 4, which is stable while dt times the highest
-        frequency stays below 2.8, or the implicit midpoint rule, of order 2, symmetric and stable
-        for stiff wings. Attitudes stay unit quaternions with both.
+        frequency stays below 2.8 (a longer step, of the model at rest, warns), or the implicit
+        midpoint rule, of order 2, symmetric and stable for stiff wings. Attitudes stay unit
+        quaternions with both.
     substeps : int
         Equal steps within `dt`.
     newton : bool
@@ -69,6 +72,8 @@ def step_function(
         raise ValueError(f"dt: expected a number, found the symbol {dt}")
     h = positive("dt", dt) / count("substeps", substeps)
     if method == "rk4":
+        at_rest = [np.zeros(layout.size) for layout in (model.x, model.u, model.p)]
+        warn_of_unstable_step("dt", model, h, at_rest)
         x, u, p = _symbols(model)
         step = _step(model, [x, u, p], rk4(model, h, x, u, p), ca.MX(0))
     else:

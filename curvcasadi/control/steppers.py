@@ -10,7 +10,8 @@ import numpy as np
 
 from curvcasadi.control import variational_midpoint as variational
 from curvcasadi.control.implicit_midpoint import TOLERANCE, midpoint_solver
-from curvcasadi.control.model import ControlModel, SecondOrder
+from curvcasadi.control.model import ControlModel
+from curvcasadi.control.stability import SLACK, unstable_step, warn_of_unstable_step
 from curvcasadi.control.step import midpoint_rule, rk4
 from curvcasadi.symbolic.compiled import compile_function
 from curvcasadi.symbolic.expressions import Array, positive
@@ -40,39 +41,24 @@ def _rk4(model: ControlModel) -> Stepper:
     end = rk4(model, h, x, u, p)
     step = Native(ca.Function(f"{model.name}_rk4", [x, u, p, h], [end]))
 
+    longest = 0.0
+
     def advance(x: Array, u: Array, p: Array, h: float) -> tuple[Array, float, str | None]:
+        nonlocal longest
+        if h > longest * (1 + SLACK):
+            longest = h
+            warn_of_unstable_step("simulate", model, h, [x, u, p], stacklevel=4)
         (end,) = step(x, u, p, h)
         if np.all(np.isfinite(end)):
             return end, 1.0, None
-        return end, 1.0, f"the state left the numbers: {_stable_steps(model, x, p)}"
+        why = unstable_step(model, h, x, u, p) or "take shorter steps"
+        return end, 1.0, f"the state left the numbers: {why}"
 
     return advance
 
 
 #: Relative correction after all iterations of a step from which on more of them help.
 _CONTRACTED = 1e-3
-
-
-def highest_frequency(motion: SecondOrder, x: Array, p: Array) -> float:
-    """Of small vibrations in vacuum, rad/s: times a step of RK4 it stays below 2.8."""
-    from scipy.linalg import eigh
-
-    mass, _, stiffness = (matrix.full() for matrix in motion.matrices(x, p))
-    return float(np.sqrt(eigh(stiffness, mass, eigvals_only=True)[-1]))
-
-
-def _stable_steps(model: ControlModel, x: Array, p: Array) -> str:
-    """What to use where steps of RK4 are too long for the highest frequency ω: 2.8/ω or less."""
-    if model.second_order is None:
-        return "take shorter steps"
-    try:
-        highest = highest_frequency(model.second_order, x, p)
-    except (ValueError, np.linalg.LinAlgError):  # the state before it was lost already
-        return "take shorter steps or 'implicit_midpoint'"
-    return (
-        f"take 'implicit_midpoint', or steps below {2.8 / highest:.2g} s, as the highest frequency "
-        f"is {highest:.3g} rad/s"
-    )
 
 
 def _midpoint(model: ControlModel, newton: bool, tolerance: float) -> Stepper:

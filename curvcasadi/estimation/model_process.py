@@ -2,7 +2,7 @@
 
 The state of the filter is z = (x, e, b): the model's x, those of its parameters that are estimated,
 and biases of sensors. With δ the error state, z_true = z ⊕ δ (`retract`; attitudes on the group),
-f the model's step (Runge–Kutta of order 4) and white noise of density s on the parts of δ:
+f the model's step (Runge–Kutta or implicit midpoint) and white noise of density s on parts of δ:
 
     z ← f(z),   P ← F (P + dt/2 S) Fᵀ + dt/2 S,    F = d(f(z ⊕ δ) ⊖ f(z))/dδ,   S = diag(s²)
 
@@ -14,27 +14,34 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, get_args
 
 import casadi as ca
 import numpy as np
 
 from curvcasadi.control.error_state import add
+from curvcasadi.control.implicit_midpoint import midpoint_step_of_any_length
 from curvcasadi.control.model import ControlModel
-from curvcasadi.control.step import rk4
+from curvcasadi.control.stability import unstable_step
+from curvcasadi.control.step import Method, midpoint_rule, rk4
 from curvcasadi.estimation import ud
 from curvcasadi.estimation.process import REJECTIONS
 from curvcasadi.lie import quaternion
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
+    Expr,
     Number,
+    Real,
     choice,
     count,
     instance,
     numbers,
 )
 from curvcasadi.symbolic.layout import Layout, Part
+
+#: Relative correction at which an implicit step has converged: a part of any process noise.
+CONVERGED: dict[Real, float] = {"double": 1e-9, "float": 1e-5}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,7 +65,11 @@ class ModelProcess:
         Standard deviation of q_ddot about the model's, rad/(m s²), for accelerometers: of all
         weights, or by name of the part q_dot. It is forgotten from sample to sample.
     substeps : int
-        Runge–Kutta steps between two samples.
+        Steps of the model between two samples.
+    method : {"rk4", "implicit_midpoint"}
+        As in `step_function`. Steps of Runge–Kutta have to stay below 2.8 over the model's highest
+        frequency; implicit ones are stable for stiff wings, and take several balances of forces and
+        the derivatives of one. One that does not converge gives NaN.
     """
 
     model: ControlModel
@@ -66,6 +77,7 @@ class ModelProcess:
     estimated: Mapping[str, float | None] = field(default_factory=dict)
     acceleration: Number | Mapping[str, Number] | None = None
     substeps: int = 1
+    method: Method = "rk4"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -78,6 +90,7 @@ class Dynamics:
     biases: Mapping[str, int]  #: sizes of the biases
     counters: int  #: how many kinds of sensors have their rejections counted
     substeps: int
+    method: Method
 
     @property
     def estimated(self) -> tuple[Part, ...]:
@@ -113,13 +126,24 @@ class Dynamics:
         sizes = {"u": self.model.u.size, "p": self.known.size}
         return {key: ca.MX.sym(key, size) for key, size in sizes.items() if size}
 
-    def arguments(self, whole: ca.MX, given: Mapping[str, ca.MX]) -> tuple[ca.MX, ca.MX, ca.MX]:
+    def arguments(self, whole: Expr, given: Mapping[str, Expr]) -> tuple[Expr, Expr, Expr]:
         """x, u and p of the model, of a state without counters."""
+        none = type(whole)(0, 1)
         parts = self.whole.split(whole)
-        known = self.known.split(given.get("p", ca.MX(0, 1)))
-        p = ca.vertcat(*((parts | known)[part.name] for part in self.model.p.parts), ca.MX(0, 1))
+        known = self.known.split(given.get("p", none))
+        p = ca.vertcat(*((parts | known)[part.name] for part in self.model.p.parts), none)
         x = ca.vertcat(*(parts[part.name] for part in self.model.x.parts))
-        return x, given.get("u", ca.MX(0, 1)), p
+        return x, given.get("u", none), p
+
+    def unstable_step(self, dt: float, state: Array, given: Mapping[str, Array]) -> str | None:
+        """What is wrong with `dt` between samples at a state, u and p, in words, or None."""
+        if self.method != "rk4":
+            return None
+        numbers = {key: ca.DM(value) for key, value in given.items()}
+        at = self.arguments(ca.DM(state[: self.whole.size]), numbers)
+        x, u, p = (value.full().ravel() for value in at)
+        remedy = "method='implicit_midpoint' or more substeps of the ModelProcess"
+        return unstable_step(self.model, dt / self.substeps, x, u, p, remedy)
 
     def retraction(self) -> ca.Function:
         """(state, error) -> state."""
@@ -181,8 +205,11 @@ def return_times(process: ModelProcess) -> dict[str, float]:
 
 def checked_process(process: ModelProcess) -> ModelProcess:
     """`process`, of checked kinds."""
-    instance("process.model", process.model, ControlModel)
+    model = instance("process.model", process.model, ControlModel)
     count("substeps", process.substeps)
+    choice("method", process.method, get_args(Method))
+    if process.method == "implicit_midpoint":
+        midpoint_rule(model)
     return process
 
 
@@ -195,7 +222,7 @@ def model_predict_function(name: str, dynamics: Dynamics) -> ca.Function:
     inputs = {"state": state, "factor": factor, "dt": dt, **dynamics.inputs}
     whole, counters = ca.vertsplit(state, [0, dynamics.whole.size, dynamics.state.size])
     given = [inputs[key] for key in dynamics.inputs]
-    end, slope = _flow(dynamics)(whole, dt, *given)
+    end, slope = flow_function(dynamics)(whole, dt, *given)
 
     unit = ca.triu(ca.densify(factor), False) + ca.DM.eye(error.size)
     columns: list[AnyExpr] = [slope @ unit]
@@ -220,16 +247,14 @@ def model_predict_function(name: str, dynamics: Dynamics) -> ca.Function:
     )
 
 
-def _flow(dynamics: Dynamics) -> ca.Function:
+def flow_function(dynamics: Dynamics) -> ca.Function:
     """(state without counters, dt, u, p) -> the state after dt, and F."""
     layout = dynamics.whole
     start, dt = ca.MX.sym("start", layout.size), ca.MX.sym("dt")
     error, given = ca.MX.sym("error", dynamics.error.size), dynamics.inputs
     moved = add(layout, start, error)
     x, u, p = dynamics.arguments(moved, given)
-    h = dt / dynamics.substeps
-    for _ in range(dynamics.substeps):
-        x = rk4(dynamics.model, h, x, u, p)
+    x = _stepped(dynamics, dt, x, u, p)
     parts = layout.split(moved) | dynamics.model.x.split(x)
     for name, seconds in dynamics.returns.items():
         if seconds < np.inf:
@@ -240,6 +265,22 @@ def _flow(dynamics: Dynamics) -> ca.Function:
     at_zero = ca.Function("varied", [error, *arguments], [end, slope], {"cse": True})
     results = at_zero(ca.DM.zeros(error.numel()), *arguments)
     return ca.Function("flow", arguments, [*results], {"cse": True})
+
+
+def _stepped(dynamics: Dynamics, dt: ca.MX, x: ca.MX, u: ca.MX, p: ca.MX) -> ca.MX:
+    """The model's state after dt; NaN where an implicit step did not converge."""
+    model, h = dynamics.model, dt / dynamics.substeps
+    if dynamics.method == "rk4":
+        for _ in range(dynamics.substeps):
+            x = rk4(model, h, x, u, p)
+        return x
+    tolerance = CONVERGED[model.real]
+    step = midpoint_step_of_any_length(midpoint_rule(model, tolerance=tolerance))
+    residual = ca.MX(0)
+    for _ in range(dynamics.substeps):
+        x, last, _ = step(x, u, p, h)
+        residual += last
+    return ca.if_else(residual <= dynamics.substeps * tolerance, x, np.nan)
 
 
 def _in_error_state(layout: Layout, end: ca.MX, slope: ca.MX) -> ca.MX:

@@ -17,6 +17,7 @@ import casadi as ca
 from curvcasadi.control.implicit_midpoint import TOLERANCE, midpoint_solver
 from curvcasadi.control.model import ControlModel
 from curvcasadi.control.signals import stacked
+from curvcasadi.control.stability import warn_of_unstable_step
 from curvcasadi.control.step import Method, midpoint_rule, rk4
 from curvcasadi.export.casadi_c import generate as generated
 from curvcasadi.export.fmu_description import build_description, model_description
@@ -105,6 +106,8 @@ def export_fmu(
         "u": stacked("u", model.u, u),
         "p": stacked("p", model.p, p),
     }
+    if method == "rk4":
+        warn_of_unstable_step("dt", model, longest, [*start.values()])
     sources = _sources(model, name, method, longest, start)
     token = hashlib.sha256("\0".join(sources.values()).encode()).hexdigest()[:36]
     sources = {file: text.replace("@TOKEN@", token) for file, text in sources.items()}

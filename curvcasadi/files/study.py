@@ -17,9 +17,9 @@ from curvcasadi.aircraft.parts import Wing
 from curvcasadi.beam.along import mapped
 from curvcasadi.beam.section import COUPLINGS, RIGIDITIES
 from curvcasadi.control.model import ControlModel
+from curvcasadi.control.stability import stable_step
 from curvcasadi.control.steady import SteadyStates
 from curvcasadi.control.step import rk4_step
-from curvcasadi.control.steppers import highest_frequency
 from curvcasadi.control.wing_model import wing_model
 from curvcasadi.files import toml_reader as toml
 from curvcasadi.files.toml_reader import Key, Keys
@@ -135,12 +135,12 @@ class GustStudy:
             gust=GustEntry(modes=self.modes),
             outputs=("tip_position", "root_moment"),
         )
-        step, output = (compile_batch(f) for f in (rk4_step(model, self.step), model.output))
         speed, length, amplitude = table[:, :3].T
         values = {"airspeed": speed, "pitch": np.full(len(table), self.pitch), "gust": 0 * speed}
         p = np.stack([values[part.name] for part in model.p.parts], axis=1)
         gust, u = model.p.slices["gust"].start, np.zeros(model.u.size)
-        self._refuse_unstable(model, p[0])
+        self._refuse_unstable(model, u, p[0])
+        step, output = (compile_batch(f) for f in (rk4_step(model, self.step), model.output))
         x = self._steady(model, u, p)
         largest = smallest = output(x, u, p)
         for k in range(round(self.duration / self.step)):
@@ -156,15 +156,14 @@ class GustStudy:
             columns += [largest[:, i], smallest[:, i]]
         return np.stack(columns, axis=1)
 
-    def _refuse_unstable(self, model: ControlModel, p: Array) -> None:
+    def _refuse_unstable(self, model: ControlModel, u: Array, p: Array) -> None:
         """Refuse steps with which the fastest mode grows, even if it stays among the numbers."""
-        if model.second_order is not None:
-            highest = highest_frequency(model.second_order, np.zeros(model.x.size), p)
-            if self.step * highest > 2.8:
-                raise ValueError(
-                    f"step: expected at most {2.8 / highest:.3g} s, as the highest frequency is "
-                    f"{highest:.4g} rad/s, found {self.step:g} s"
-                )
+        limit, frequency = stable_step(model, np.zeros(model.x.size), u, p)
+        if self.step > limit:
+            raise ValueError(
+                f"step: expected at most {limit:.3g} s, as the highest frequency is "
+                f"{frequency:.4g} rad/s, found {self.step:g} s"
+            )
 
     def _steady(self, model: ControlModel, u: Array, p: Array) -> Array:
         """States (cases, nx) of steady flight; NaN where there is none."""

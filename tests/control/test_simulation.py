@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 import curvcasadi as cc
 from curvcasadi.control.signals import Course, within_bounds
+from curvcasadi.control.stability import stable_step
 from curvcasadi.lie import quaternion
 from curvcasadi.reference_wings import hale_wing
 from tests.support import models
@@ -90,7 +93,10 @@ def test_momentum_and_energy_of_a_free_body():
 def test_a_simulation_that_diverges_keeps_what_it_had():
     stiff = models.pendulum(stiffness=1e6)
     remedy = r"steps of 0.05 s .*'implicit_midpoint', or steps below 0.00.* s, as"
-    with pytest.raises(cc.ConvergenceError, match=remedy) as error:
+    with (
+        pytest.raises(cc.ConvergenceError, match=remedy) as error,
+        pytest.warns(UserWarning, match=f"simulate: {remedy}"),
+    ):
         cc.simulate(stiff, START, np.linspace(0, 10, 201), u=[0.0], p=[9.81])
     result = error.value.result
     assert not result.success and 1 < len(result.t) < 201
@@ -163,9 +169,25 @@ def test_inputs_beyond_their_bounds_are_refused_and_degrees_are_named():
 
 def test_a_model_without_inertia_has_no_implicit_steps():
     lag = cc.kinematic_model(hale_wing(1, 1, 1), time_constant=1e-3)
-    command = [0.0, 0.1, 0.0]
-    with pytest.raises(cc.ConvergenceError, match=r"left the numbers: take shorter steps$"):
+    command, remedy = [0.0, 0.1, 0.0], r"take steps below 0.00279 s, as .* 1000 rad/s$"
+    with (
+        pytest.raises(cc.ConvergenceError, match=r"left the numbers: take shorter steps$"),
+        pytest.warns(UserWarning, match=remedy),
+    ):
         cc.simulate(lag, None, np.linspace(0, 200, 201), u=command)
+
+
+def test_steps_that_let_a_mode_grow_warn_before_it_leaves_the_numbers():
+    # Two steps of a motion of 0.1 rad: nothing is infinite, and all is wrong.
+    fast, start = models.pendulum(stiffness=1e6), {**START, "rates": [0.0, 0.0]}
+    limit, frequency = stable_step(fast, np.zeros(5), np.zeros(1), np.array([9.81]))
+    assert_allclose(limit * frequency, np.sqrt(8), rtol=1e-9)  # of an undamped mode
+    given = {"u": [0.0], "p": [9.81]}
+    with pytest.warns(UserWarning, match=r"simulate: steps of .* are unstable, .*'implicit_midpo"):
+        cc.simulate(fast, start, [0, 2.1 * limit], dt=1.05 * limit, **given)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        cc.simulate(fast, start, [0, 2 * limit], dt=0.99 * limit, **given)
 
 
 @pytest.fixture(scope="module")

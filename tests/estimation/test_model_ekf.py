@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from dataclasses import replace
 
 import casadi as ca
@@ -45,7 +46,7 @@ class Kalman:
     The twist angle at ξ is θ = L Σ q_i ψ_i, ψ_i the integral of a Legendre function.
     """
 
-    def __init__(self, density, gust_density, gust_time):
+    def __init__(self, density, gust_density, gust_time, dt=DT, implicit=False):
         nodes, weights = np.polynomial.legendre.leggauss(8)
         xi, w = (nodes + 1) / 2, weights / 2 * LENGTH
         phi, psi = self.functions(xi)
@@ -57,13 +58,17 @@ class Kalman:
         A[2:4, 2:4] = 0.003 * A[2:4, :2]
         by_torque = np.linalg.solve(mass, self.functions(np.ones(1))[1][:, 0])
         A[2:4, 4] = by_torque  # the gust is held within a step
-        h = A * DT
-        F = np.eye(5) + h + h @ h / 2 + h @ h @ h / 6 + h @ h @ h @ h / 24  # Runge–Kutta
-        gain = DT * (np.eye(5) + h / 2 + h @ h / 6 + h @ h @ h / 24)
+        h, one = A * dt, np.eye(5)
+        if implicit:  # the midpoint rule is Cayley's transform of a linear system
+            F = np.linalg.solve(one - h / 2, one + h / 2)
+            gain = dt * np.linalg.inv(one - h / 2)
+        else:  # Runge–Kutta
+            F = one + h + h @ h / 2 + h @ h @ h / 6 + h @ h @ h @ h / 24
+            gain = dt * (one + h / 2 + h @ h / 6 + h @ h @ h / 24)
         self.by_input = gain @ np.r_[0, 0, by_torque, 0]
-        F[4, 4] = np.exp(-DT / gust_time)
+        F[4, 4] = np.exp(-dt / gust_time)
         self.F = F
-        self.noise = DT / 2 * np.diag([0, 0, density**2, density**2, gust_density**2])
+        self.noise = dt / 2 * np.diag([0, 0, density**2, density**2, gust_density**2])
         tip, gauge = self.functions(np.ones(1))[1][:, 0], self.functions(np.full(1, 0.3))[0][:, 0]
         self.H = np.zeros((3, 5))
         self.H[0, 2:4], self.H[1, :2], self.H[2, 0] = tip, gauge, 1.0
@@ -85,15 +90,20 @@ class Kalman:
         return x + K @ (z[there] - H @ x), left @ P @ left.T + K @ R @ K.T
 
 
-def test_on_a_linear_model_it_is_the_filter_of_kalman(shaft):
+@pytest.mark.parametrize("method, dt", [("rk4", DT), ("implicit_midpoint", DT * 10)])
+def test_on_a_linear_model_it_is_the_filter_of_kalman(shaft, method, dt):
+    # With ten times the step Runge–Kutta's method is unstable.
     beam, model = shaft
     process = cc.ModelProcess(
-        model=model, density={"q_dot": 0.3, "gust": 0.2}, estimated={"gust": 0.5}
+        model=model,
+        density={"q_dot": 0.3, "gust": 0.2},
+        estimated={"gust": 0.5},
+        method=method,
     )
     ekf = cc.shape_ekf(beam, [GYRO, GAUGE], process=process, outputs={"q": 0.02}, gate=np.inf)
     start = ekf.initial({"q": 0.05, "q_dot": 0.2, "gust": 0.1}, {"q": [0.1, -0.05]})
     assert ekf.channels.labels == ("gyro_1_x", "gyro_1_y", "gyro_1_z", "shear_1", "q_0", "q_1")
-    oracle = Kalman(0.3, 0.2, 0.5)
+    oracle = Kalman(0.3, 0.2, 0.5, dt, method == "implicit_midpoint")
     x, P = start.state, start.covariance
     rng = np.random.default_rng(4)
     samples, expected = [], []
@@ -103,11 +113,64 @@ def test_on_a_linear_model_it_is_the_filter_of_kalman(shaft):
         x, P = oracle.step(x, P, u, z)
         expected.append((x, P))
         measured = np.array([z[0], np.nan, np.nan, z[1], z[2], np.nan])
-        samples.append((DT * (k + 1), measured, {"u": u}))
+        samples.append((dt * (k + 1), measured, {"u": u}))
     for found, (x, P) in zip(cc.run_ekf(ekf, start, samples), expected, strict=True):
         # Rounding, in a state of size 0.1 and over the largest variance.
         assert_allclose(found.state, x, atol=1e-10)
         assert_allclose(found.covariance, P, atol=1e-10 * np.abs(P).max())
+
+
+# Long steps --------------------------------------------------------------------------------------
+
+
+def test_a_step_beyond_stability_is_named_before_it_gives_wrong_numbers(shaft):
+    beam, model = shaft
+    gyro, given = replace(GYRO, rate=10.0), {"u": 0.0, "p": 0.0}
+    words = r"steps of 0.1 s .* unstable, .* method='implicit_midpoint' or more substeps"
+    with pytest.warns(UserWarning, match=f"process: at the rate of the sensors {words}"):
+        ekf = cc.shape_ekf(beam, [gyro], process=model, density=0.3)
+    start = ekf.initial({"q": 0.05, "q_dot": 0.2})
+    near = [(0.01, np.zeros(3), given)]
+    assert len(list(cc.run_ekf(ekf, start, near))) == 1
+    with pytest.raises(
+        ValueError, match=rf"samples\[1\].time: 0.1 s after the one before, {words}"
+    ):
+        list(cc.run_ekf(ekf, start, [*near, (0.11, np.zeros(3), given)]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for changes in ({"substeps": 10}, {"method": "implicit_midpoint"}):
+            process = cc.ModelProcess(model=model, density={"q_dot": 0.3}, **changes)
+            ekf = cc.shape_ekf(beam, [gyro], process=process)
+            (at,) = cc.run_ekf(ekf, start, [(0.1, np.zeros(3), given)])
+            assert np.all(np.isfinite(at.covariance))
+
+
+def test_predictions_over_no_time_change_nothing_and_by_implicit_steps_neither(shaft):
+    beam, model = shaft
+    process = cc.ModelProcess(model=model, density={"q_dot": 0.3}, method="implicit_midpoint")
+    ekf = cc.shape_ekf(beam, [GAUGE], process=process)
+    for q_dot in (0.0, 0.3):
+        start = ekf.initial({"q": 0.05, "q_dot": 0.2}, {"q": [0.1, 0.0], "q_dot": 2 * [q_dot]})
+        state, factor = ekf.predict(start.state, start.factor, 0.0, 0.1, 0.2)
+        assert_allclose(state.full().ravel(), start.state, rtol=0)
+        assert_allclose(ud.covariance_of(factor.full()), start.covariance, rtol=1e-13)
+    _, factor = ekf.predict(start.state, start.factor, -0.01, 0.1, 0.2)
+    assert np.isnan(factor.full()).any()
+
+
+def test_an_implicit_prediction_that_does_not_converge_is_no_number(stream):
+    model, _ = stream
+    process = cc.ModelProcess(
+        model=model, density={"q_dot": 0.1, "lag": 0.1}, method="implicit_midpoint"
+    )
+    ekf = cc.shape_ekf(model_estimation.wing().beam, model_estimation.SENSORS[4:], process=process)
+    names = [part.name for part in ekf.error_layout.parts]
+    start = ekf.initial(dict.fromkeys(names, 0.01), {"q": [0.1, 0, 0, 0], "q_dot": 4 * [30.0]})
+    given = {"u": 0.0, "p": [15.0, 0.03, 0.0]}
+    state, _ = ekf.predict(start.state, start.factor, 2.0, *given.values())
+    assert np.isnan(state.full()).any()
+    with pytest.raises(cc.ConvergenceError, match=r"samples\[0\]: the prediction over 2 s"):
+        list(cc.run_ekf(ekf, start, [(2.0, np.zeros(2), given)]))
 
 
 def test_a_control_model_and_keywords_are_a_process(shaft):
@@ -387,11 +450,16 @@ def test_a_flying_aircraft_is_estimated_with_its_attitude(flying):
 # C -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("real", ["double", "float"])
-def test_a_filter_on_a_model_is_exported(shaft, real, tmp_path):
+@pytest.mark.parametrize(
+    "real, method", [("double", "rk4"), ("float", "rk4"), ("double", "implicit_midpoint")]
+)
+def test_a_filter_on_a_model_is_exported(shaft, real, method, tmp_path):
     beam, model = shaft
     process = cc.ModelProcess(
-        model=model, density={"q_dot": 0.3, "gust": 0.2}, estimated={"gust": 0.5}
+        model=model,
+        density={"q_dot": 0.3, "gust": 0.2},
+        estimated={"gust": 0.5},
+        method=method,
     )
     ekf = cc.shape_ekf(beam, [GYRO, GAUGE], process=process)
     start = ekf.initial({"q": 0.05, "q_dot": 0.2, "gust": 0.1}, {"q": [0.1, -0.05]})

@@ -13,6 +13,7 @@ from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.beam.beam import Beam
 from curvcasadi.estimation import ud
 from curvcasadi.estimation.belief import initial_belief
+from curvcasadi.estimation.model_process import Dynamics
 from curvcasadi.estimation.samples import numeric_array
 from curvcasadi.estimation.words import ekf_words
 from curvcasadi.sensors import Channels
@@ -106,6 +107,8 @@ class ShapeEkf:
     inputs : mapping of str to Layout
         Of a control model: parts of the inputs "u" and of the known parameters "p", which both
         Functions take.
+    dynamics : Dynamics or None
+        The model as a process, where there is one.
     """
 
     predict: ca.Function
@@ -115,6 +118,7 @@ class ShapeEkf:
     channels: Channels
     beam: Beam | Aircraft
     inputs: Mapping[str, Layout] = field(default_factory=dict)
+    dynamics: Dynamics | None = None
 
     def initial(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -32,7 +33,7 @@ from curvcasadi.estimation.model_process import (
 )
 from curvcasadi.estimation.sensor_model import check_numeric
 from curvcasadi.kinematics.root_motion import RootMotion, numeric_root
-from curvcasadi.sensors import Sensor
+from curvcasadi.sensors import Channels, Sensor
 from curvcasadi.sensors.channels import checked_sensors
 from curvcasadi.sensors.sensor import positive_numbers
 from curvcasadi.symbolic.expressions import Number, choice, instance
@@ -113,8 +114,10 @@ def model_filter(
         biases=biases,
         counters=len(kinds) if options.recovery and options.gate < np.inf else 0,
         substeps=process.substeps,
+        method=process.method,
     )
     dynamics = replace(dynamics, density=densities(process, dynamics.error))
+    _warn_of_sampling(dynamics, channels)
     velocities = {p.name: p.size for p in process.model.x.parts if p.name.startswith("q_dot")}
     needed = [w.q_dot for w in instrumented if w.order == 2]
     missing = [part for part in needed if part not in velocities]
@@ -148,7 +151,18 @@ def model_filter(
             for key, layout in (("u", process.model.u), ("p", dynamics.known))
             if layout.size
         },
+        "dynamics": dynamics,
     }
+
+
+def _warn_of_sampling(dynamics: Dynamics, channels: Channels) -> None:
+    """Warn where even the fastest sensor leaves more time between samples than steps may take."""
+    rates = [sensor.rate for sensor in channels.sensors if hasattr(sensor, "rate")]
+    if rates:
+        at_rest = {key: np.zeros(value.numel()) for key, value in dynamics.inputs.items()}
+        wrong = dynamics.unstable_step(1 / max(rates), np.zeros(dynamics.whole.size), at_rest)
+        if wrong:
+            warnings.warn(f"process: at the rate of the sensors {wrong}", stacklevel=4)
 
 
 def _instrumented(

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from curvcasadi.control.stability import SLACK
+from curvcasadi.errors import ConvergenceError
 from curvcasadi.estimation.belief import check_start
 from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf
 from curvcasadi.estimation.samples import (
@@ -45,7 +47,11 @@ def run_ekf(
     ------
     ValueError
         If a time is before the one that precedes it, if the start, samples or inputs are not
-        finite numbers of the sizes that the filter has, or the start's factor is none.
+        finite numbers of the sizes that the filter has, or the start's factor is none; with a
+        control model, if steps between samples are so long that Runge–Kutta's method is unstable.
+    ConvergenceError
+        If a prediction leaves the numbers, or its implicit steps do not converge; `.result` is the
+        estimate before it.
     """
     instance("ekf", ekf, ShapeEkf)
     check_start(
@@ -59,7 +65,7 @@ def run_ekf(
         },
         "factor",
     )
-    at = start
+    at, longest = start, 0.0
     for k, sample in enumerate(sequence("samples", samples)):
         where = f"samples[{k}]"
         if not isinstance(sample, (tuple, list)) or len(sample) not in (2, 3):
@@ -68,12 +74,22 @@ def run_ekf(
             )
         time, measured, *rest = sample
         inputs = rest[0] if rest else {}
-        yield (at := _step(ekf, at, where, time, measured, inputs))
+        before = at.time
+        at = _step(ekf, at, where, time, measured, inputs, longest)
+        longest = max(longest, at.time - before)
+        yield at
 
 
 def _step(
-    ekf: ShapeEkf, at: Estimate, where: str, stamp: Any, measured: Any, given: Any
+    ekf: ShapeEkf,
+    at: Estimate,
+    where: str,
+    stamp: Any,
+    measured: Any,
+    given: Any,
+    longest: float,
 ) -> Estimate:
+    """The estimate at a sample; `longest` is the longest time between samples before."""
     time = float(numeric_array(f"{where}.time", stamp, (1, 1)).item())
     if not time >= at.time:
         raise ValueError(
@@ -85,7 +101,18 @@ def _step(
     rates, motion = (
         {key: inputs[key] for key in f.name_in()[3:]} for f in (ekf.predict, ekf.update)
     )
-    ahead = ekf.predict(state=at.state, factor=at.factor, dt=time - at.time, **rates)
+    dt = time - at.time
+    if ekf.dynamics is not None and dt > longest * (1 + SLACK):
+        wrong = ekf.dynamics.unstable_step(dt, at.state, rates)
+        if wrong:
+            raise ValueError(f"{where}.time: {dt:g} s after the one before, {wrong}")
+    ahead = ekf.predict(state=at.state, factor=at.factor, dt=dt, **rates)
+    if not all(value.is_regular() for value in ahead.values()):
+        raise ConvergenceError(
+            f"{where}: the prediction over {dt:g} s left the numbers or did not converge; take "
+            "samples that are closer, or more substeps of the ModelProcess",
+            at,
+        )
     found = ekf.update(
         state=ahead["state_after"],
         factor=ahead["factor_after"],

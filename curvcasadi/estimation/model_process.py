@@ -254,7 +254,7 @@ def flow_function(dynamics: Dynamics) -> ca.Function:
     error, given = ca.MX.sym("error", dynamics.error.size), dynamics.inputs
     moved = add(layout, start, error)
     x, u, p = dynamics.arguments(moved, given)
-    x = _stepped(dynamics, dt, x, u, p)
+    x, residual = _stepped(dynamics, dt, x, u, p)
     parts = layout.split(moved) | dynamics.model.x.split(x)
     for name, seconds in dynamics.returns.items():
         if seconds < np.inf:
@@ -262,25 +262,26 @@ def flow_function(dynamics: Dynamics) -> ca.Function:
     end = layout.join(parts)
     slope = _in_error_state(layout, end, ca.jacobian(end, error))
     arguments = [start, dt, *given.values()]
-    at_zero = ca.Function("varied", [error, *arguments], [end, slope], {"cse": True})
-    results = at_zero(ca.DM.zeros(error.numel()), *arguments)
-    return ca.Function("flow", arguments, [*results], {"cse": True})
+    at_zero = ca.Function("varied", [error, *arguments], [end, slope, residual], {"cse": True})
+    end, slope, residual = at_zero(ca.DM.zeros(error.numel()), *arguments)
+    if dynamics.method == "implicit_midpoint":  # NaN unless it is small
+        end += ca.sqrt((residual <= dynamics.substeps * CONVERGED[dynamics.model.real]) - 1)
+    return ca.Function("flow", arguments, [end, slope], {"cse": True})
 
 
-def _stepped(dynamics: Dynamics, dt: ca.MX, x: ca.MX, u: ca.MX, p: ca.MX) -> ca.MX:
-    """The model's state after dt; NaN where an implicit step did not converge."""
-    model, h = dynamics.model, dt / dynamics.substeps
+def _stepped(dynamics: Dynamics, dt: ca.MX, x: ca.MX, u: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
+    """The model's state after dt, and the residual of implicit steps."""
+    model, h, residual = dynamics.model, dt / dynamics.substeps, ca.MX(0)
     if dynamics.method == "rk4":
         for _ in range(dynamics.substeps):
             x = rk4(model, h, x, u, p)
-        return x
-    tolerance = CONVERGED[model.real]
-    step = midpoint_step_of_any_length(midpoint_rule(model, tolerance=tolerance))
-    residual = ca.MX(0)
+        return x, residual
+    rule = midpoint_rule(model, tolerance=CONVERGED[model.real])
+    step = midpoint_step_of_any_length(rule)
     for _ in range(dynamics.substeps):
         x, last, _ = step(x, u, p, h)
         residual += last
-    return ca.if_else(residual <= dynamics.substeps * tolerance, x, np.nan)
+    return x, residual
 
 
 def _in_error_state(layout: Layout, end: ca.MX, slope: ca.MX) -> ca.MX:

@@ -49,6 +49,45 @@ def add_progress(parser: Any) -> None:
     )
 
 
+#: Units of an option beside the SI unit in which it is taken, and what one of each is in it.
+_OTHER_UNITS = {"rad": {"deg": math.pi / 180}, "rad/s": {"deg/s": math.pi / 180}}
+
+
+def in_unit(text: str, unit: str) -> float:
+    """A finite number of `unit`, which may stand behind it, as may degrees for radians.
+
+    Raises
+    ------
+    ValueError
+        If there is no number, or another unit.
+    """
+    known = {"": 1.0, unit: 1.0, **_OTHER_UNITS.get(unit, {})}
+    for name, factor in sorted(known.items(), key=lambda pair: -len(pair[0])):
+        if text.strip().endswith(name):
+            try:
+                value = float(text.strip().removesuffix(name)) * factor
+            except ValueError:
+                break
+            if math.isfinite(value):
+                return value
+            break
+    others = "".join(f", or in {name} as 5{name}" for name in _OTHER_UNITS.get(unit, {}))
+    expected = f"in {unit}{others}" if unit else "without a unit"
+    raise ValueError(f"expected a number {expected}, found {text!r}")
+
+
+def quantity(unit: str) -> Callable[[str], float]:
+    """The type of an option that holds a number of `unit`: see `in_unit`."""
+
+    def check(text: str) -> float:
+        try:
+            return in_unit(text, unit)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return check
+
+
 @contextmanager
 def option(name: str) -> Iterator[None]:
     """A constructor's error "Grid.max_angle: expected …" becomes one of the option `name`."""

@@ -1,4 +1,4 @@
-"""The command `curvcasadi trim`: a flexible aircraft in steady level flight."""
+"""The command `curvcasadi trim`: a flexible aircraft in steady flight, level or turning."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ import numpy as np
 from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.aircraft.trim import STANDARD_GRAVITY, trim_sweep
 from curvcasadi.aircraft.trim_problem import OBJECTIVES
-from curvcasadi.aircraft.trim_result import TrimResult
-from curvcasadi.cli.options import FIGURES, output, steps
+from curvcasadi.aircraft.trim_result import TrimResult, turn_cells
+from curvcasadi.aircraft.turn import Turn
+from curvcasadi.cli.options import FIGURES, in_unit, option, output, quantity, steps
 from curvcasadi.control.aircraft_model import aircraft_model
 from curvcasadi.control.flight_modes import flight_modes, modes_table
 from curvcasadi.errors import ConvergenceError
@@ -24,8 +25,8 @@ from curvcasadi.files.toml_reader import load_table
 from curvcasadi.symbolic.text import table
 
 HELP = """\
-Level flight of the aircraft of an aircraft file: the angle of attack, the pitch angle, the inputs
-(thrusts and deflections) and the shapes of the wings at which everything balances.
+Steady flight of the aircraft of an aircraft file, level or turning: the angle of attack, the pitch
+angle, the inputs (thrusts and deflections) and the shapes of the wings at which all balances.
 
 conditions, in SI units and radians:
   --speed 25                       m/s; again for more speeds, or first:last:step, as 20:30:2
@@ -33,6 +34,14 @@ conditions, in SI units and radians:
   --hold elevator=0.05             an input that is held, N or rad; all others are free
   --objective drag                 chooses where free inputs are more than the balances settle
   --free roll                      lets the aircraft bank, or sideslip; otherwise these are zero
+
+turns and sideslip, of an aircraft with inputs that roll and yaw it; angles may be in degrees:
+  --turn-rate 5deg/s               a coordinated turn, to the left below zero; or instead
+  --bank 0.3, --bank=-17deg        by its bank angle,
+  --turn-radius 250                by its radius, m,
+  --load-factor 1.2                or by its load factor, to the right
+  --sideslip 3deg                  sideslip that is held, in straight flight or in a turn
+  --free sideslip                  in a turn without a rudder: any sideslip
 
 outputs:
   --out trim.csv    a line for each speed: SI units, radians, root moments in root axes, balances
@@ -47,11 +56,20 @@ does not balance, by how much, and which bounds hold.
 """
 
 
+#: Options of a turn: unit, and what it is.
+TURNS = {
+    "turn-rate": ("rad/s", "rate of the heading, rad/s or deg/s"),
+    "bank": ("rad", "bank angle, rad or deg"),
+    "turn-radius": ("m", "radius of the path, m"),
+    "load-factor": ("", "load factor"),
+}
+
+
 def add_parser(commands: Any) -> None:
     """Add the command to the subparsers of `argparse`."""
     parser = commands.add_parser(
         "trim",
-        help="steady level flight of a flexible aircraft",
+        help="steady flight of a flexible aircraft, level or turning",
         description=HELP,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -63,6 +81,12 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--gravity", type=float, default=STANDARD_GRAVITY, help="m/s2")
     parser.add_argument("--hold", action="append", default=[], metavar="NAME=VALUE", help="N, rad")
     parser.add_argument("--free", action="append", default=[], choices=("sideslip", "roll"))
+    turns = parser.add_mutually_exclusive_group()
+    for name, (unit, words) in TURNS.items():
+        turns.add_argument(
+            f"--{name}", type=quantity(unit), metavar=unit.upper() or "N", help=f"turn: {words}"
+        )
+    parser.add_argument("--sideslip", type=quantity("rad"), metavar="RAD", help="sideslip, held")
     parser.add_argument("--objective", choices=OBJECTIVES, help="what to make least")
     parser.add_argument("--out", type=output(".csv"), metavar="FILE.csv", help="table")
     parser.add_argument("--plot", type=output(*FIGURES), metavar="FILE.png", help="trimmed wings")
@@ -81,6 +105,7 @@ def run(arguments: argparse.Namespace) -> int:
             f"--density: expected kg/m3 here or as density under [air] of {arguments.aircraft}, "
             "found neither"
         )
+    turn = _turn(arguments)
     try:
         results = trim_sweep(
             aircraft,
@@ -88,6 +113,8 @@ def run(arguments: argparse.Namespace) -> int:
             density=arguments.density,
             gravity=arguments.gravity,
             free=arguments.free,
+            sideslip=arguments.sideslip,
+            turn=turn,
             inputs=_held(arguments.hold, aircraft),
             objective=arguments.objective,
             progress=len(speeds) > 1 and arguments.progress,
@@ -116,11 +143,17 @@ def _modes(
         model = aircraft_model(aircraft, density=density, gravity=gravity, outputs=())
     except ValueError as error:
         return f"no flight modes: {error}"
-    flights = [flight_modes(model, result) for result in trimmed]
-    return (
+    flights, missed = [], []
+    for result in trimmed:
+        try:
+            flights.append(flight_modes(model, result))
+        except ConvergenceError as error:
+            missed.append(f"no flight modes at {result.speed:g} m/s: {error}")
+    words = (
         "modes of the flight with unsteady strips: eigenvalues, and the times in which they halve "
         f"or double\n{modes_table(flights)}"
     )
+    return "\n".join([*([words] if flights else []), *missed])
 
 
 def _by_options(message: str) -> str:
@@ -130,10 +163,24 @@ def _by_options(message: str) -> str:
         "inputs[": "--hold [",
         "`free`": "--free",
         "an objective": "--objective",
+        "free: expected": "--free: expected",
+        "sideslip: expected": "--sideslip: expected",
+        "Turn.load_factor:": "--load-factor:",
+        "RigidBody.inertia: expected": "inertia under [body]: expected",
     }
-    for argument, option in options.items():
-        message = message.replace(argument, option)
+    for argument, name in options.items():
+        message = message.replace(argument, name)
     return message
+
+
+def _turn(arguments: argparse.Namespace) -> Turn | None:
+    """The turn that one of the options asks for."""
+    for name in TURNS:
+        value = getattr(arguments, name.replace("-", "_"))
+        if value is not None:
+            with option(f"--{name}"):
+                return Turn(**{name.removeprefix("turn-").replace("-", "_"): value})
+    return None
 
 
 def _speeds(text: str) -> list[float]:
@@ -165,13 +212,14 @@ def _held(options: Sequence[str], aircraft: Aircraft) -> dict[str, float]:
         name, _, value = (part.strip() for part in text.partition("="))
         if name not in aircraft.inputs or name in held:
             raise ValueError(f"--hold: expected each of the inputs {known} once; found {text!r}")
+        unit = aircraft.inputs[name]
         try:
-            held[name] = float(value)
+            held[name] = in_unit(value, unit)
         except ValueError:
-            held[name] = math.nan
-        if not math.isfinite(held[name]):
-            unit = aircraft.inputs[name]
-            raise ValueError(f"--hold: expected {name}=a number in {unit}; found {text!r}")
+            degrees = ", or in deg as 5deg" if unit == "rad" else ""
+            raise ValueError(
+                f"--hold: expected {name}=a number in {unit}{degrees}; found {text!r}"
+            ) from None
     return held
 
 
@@ -181,9 +229,11 @@ def _flight_table(results: Sequence[TrimResult]) -> str:
     for result in results:
         row = {"V [m/s]": f"{result.speed:.5g}"}
         angles = {"alpha": result.angle_of_attack, "pitch": result.pitch}
-        if any(r.sideslip or r.roll for r in results):
+        turning = any(r.turn_rate for r in results)
+        if not turning and any(r.sideslip or r.roll for r in results):
             angles |= {"sideslip": result.sideslip, "roll": result.roll}
         row |= {f"{name} [deg]": f"{np.degrees(value):.3f}" for name, value in angles.items()}
+        row |= turn_cells(result) if turning else {}
         for name, value in result.inputs.items():
             thrust = result.input_units[name] == "N"
             row[f"{name} [{'N' if thrust else 'deg'}]"] = (
@@ -246,6 +296,7 @@ def _record(result: TrimResult) -> dict[str, Any]:
     angles = ("angle_of_attack", "pitch", "sideslip", "roll", "flight_path")
     record: dict[str, Any] = {"speed": result.speed, "trimmed": int(result.trimmed)}
     record |= {name: getattr(result, name) for name in angles}
+    record |= {"turn_rate": result.turn_rate, "load_factor": result.load_factor}
     record |= {f"input_{name}": value for name, value in result.inputs.items()}
     record |= {"drag": result.drag, "strain_energy": result.strain_energy}
     names = [f"unbalanced_{kind}_{axis}" for kind in ("force", "moment") for axis in "xyz"]

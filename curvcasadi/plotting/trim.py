@@ -44,7 +44,7 @@ def plot_trim(aircraft: Aircraft, results: Sequence[TrimResult]) -> Figure:
         front.plot(y, height, "--", color=UNDEFORMED_COLOR, label=label)
         for k, result in enumerate(results):
             color = _mixed(k / max(len(results) - 1, 1))
-            label = f"{result.speed:.4g} m/s" if first and k in shown else None
+            label = _label(result) if first and k in shown else None
             y, height = _front(wing, result.q[wing.name], CURVE_STATIONS)
             front.plot(y, height, color=color, label=label)
             airload = result.airloads[wing.name]
@@ -60,13 +60,19 @@ def plot_trim(aircraft: Aircraft, results: Sequence[TrimResult]) -> Figure:
         axes.title.set_fontsize("medium")
     figure.legend(
         loc="outside lower center",
-        ncols=LARGEST_LEGEND + 1,
+        ncols=4 if any(result.roll for result in results) else LARGEST_LEGEND + 1,
         fontsize="small",
         handlelength=1.7,
         columnspacing=1.2,
         frameon=False,
     )
     return figure
+
+
+def _label(result: TrimResult) -> str:
+    """Speed, and the bank angle where there is one."""
+    bank = np.degrees(result.roll)
+    return f"{result.speed:.4g} m/s" + (f", bank {bank:.3g}°" if abs(bank) > 5e-3 else "")
 
 
 def _front(wing: Wing, q: Any, stations: Array) -> tuple[Array, Array]:

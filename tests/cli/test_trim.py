@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from curvcasadi.aircraft.trim import trim
+from curvcasadi.aircraft.turn import Turn
 from curvcasadi.cli.main import main
 from curvcasadi.files.aircraft import load_aircraft
 from curvcasadi.plotting import plot_trim
@@ -34,6 +35,42 @@ def flapped(tmp_path):
     """The aircraft with flaps along the whole wing: one input more than the balances settle."""
     path = tmp_path / "flapped.toml"
     path.write_text(Path(HALE_AIRCRAFT).read_text().replace('[[beams]]\nname = "left"', FLAPS))
+    return str(path)
+
+
+AGILE = """
+[[beams.aerodynamics.controls]]
+name = "aileron"
+lift = 3.0
+start = 0.7
+antisymmetric = true
+
+[[beams]]
+name = "left"
+"""
+FIN = """
+[[surfaces]]
+name = "fin"
+area = 1.5
+pose = { position = [-10, 0, -1], rotation = [[0, 1, 0], [0, 0, -1], [-1, 0, 0]] }
+
+[surfaces.aerodynamics]
+chord = 0.5
+aerodynamic_center = 0.0
+lift_slope = 5.0
+upper_side = 1
+
+[[surfaces.aerodynamics.controls]]
+name = "rudder"
+lift = 3.0
+"""
+
+
+@pytest.fixture(scope="module")
+def agile(tmp_path_factory):
+    """The aircraft with ailerons, a fin and a rudder, and with inertia."""
+    path = tmp_path_factory.mktemp("agile") / "agile.toml"
+    path.write_text(COARSE.replace('\n[[beams]]\nname = "left"\n', AGILE) + FIN)
     return str(path)
 
 
@@ -277,3 +314,100 @@ def test_a_speed_is_required(capsys):
         main(["trim", HALE_AIRCRAFT])
     assert caught.value.code == 2
     assert "--speed" in capsys.readouterr().err
+
+
+def test_a_turn_is_trimmed_with_its_modes_table_and_figure(capsys, tmp_path, agile):
+    files = tmp_path / "turn.csv", tmp_path / "turn.png"
+    assert (
+        run(
+            "--speed", 25, "--turn-rate", "5deg/s", "--out", files[0], "--plot", files[1],
+            aircraft=agile,
+        )
+        == 0
+    )  # fmt: skip
+    text = capsys.readouterr().out
+    found = trim(load_aircraft(agile), speed=25.0, density=DENSITY, turn=Turn(rate=np.deg2rad(5.0)))
+    flight = columns(text, "alpha [deg]")
+    assert flight["turn [deg/s]"] == ("5.000",)
+    assert float(flight["bank [deg]"][0]) == pytest.approx(np.degrees(found.roll), abs=0.51e-3)
+    assert float(flight["radius [m]"][0]) == pytest.approx(found.turn_radius, rel=1e-3)
+    assert float(flight["load factor"][0]) == pytest.approx(found.load_factor, abs=0.51e-4)
+    aileron = np.degrees(found.inputs["aileron"])
+    assert float(flight["aileron [deg]"][0]) == pytest.approx(aileron, abs=0.51e-3)
+    assert columns(text, "mode")["mode"][:5] == (
+        "phugoid", "short period", "dutch roll", "spiral", "roll"
+    )  # fmt: skip
+    with files[0].open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert float(row["turn_rate"]) == pytest.approx(np.deg2rad(5.0), rel=1e-12)
+    assert float(row["load_factor"]) == pytest.approx(found.load_factor, rel=1e-9)
+    with Image.open(files[1]) as image:
+        assert min(image.size) > 500
+
+
+@pytest.mark.parametrize(
+    ("options", "key", "value"),
+    [
+        (("--bank=-10deg",), "bank [deg]", "-10.000"),
+        (("--turn-radius", "300m"), "radius [m]", "300"),
+        (("--load-factor", 1.02), "load factor", "1.0200"),
+        (("--sideslip", "0.05rad"), "sideslip [deg]", "2.865"),
+        (("--turn-rate", 0.05, "--sideslip", "1deg"), "sideslip [deg]", "1.000"),
+        (("--turn-rate", 0.05, "--free", "sideslip", "--hold", "rudder=2deg"), "rudder [deg]",
+         "2.000"),
+    ],
+)  # fmt: skip
+def test_turns_and_sideslip_by_options(capsys, agile, tmp_path, options, key, value):
+    path = tmp_path / "still.toml"  # without inertia of the wings' sections: no modes
+    path.write_text(Path(agile).read_text().replace("inertia = [[0.1, 0", "# [[0.1, 0"))
+    assert run("--speed", 25, *options, aircraft=str(path)) == 0
+    assert columns(capsys.readouterr().out, "alpha [deg]")[key] == (value,)
+
+
+def test_the_legend_of_a_figure_names_bank_angles(agile):
+    found = trim(load_aircraft(agile), speed=25.0, density=DENSITY, turn=Turn(bank=0.2))
+    (legend,) = plot_trim(load_aircraft(agile), [found]).legends
+    assert [text.get_text() for text in legend.get_texts()] == ["undeformed", "25 m/s, bank 11.5°"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--bank", "30"), "--bank: expected an angle within ±π/2 rad, found 30; 30 degrees are"),
+        (("--sideslip", "5"), "--sideslip: expected within -0.35 to 0.35 rad, found 5; 5 degrees"),
+        (("--load-factor", "0.5"), "--load-factor: expected at least 1, that of straight flight"),
+        (("--turn-radius", "0"), "--turn-radius: expected a number other than zero"),
+        (("--sideslip", "2deg", "--free", "sideslip"), "--free: expected what is not held"),
+    ],
+)
+def test_wrong_values_of_a_turn_are_refused_in_one_line(capsys, agile, options, message):
+    found = refused(capsys, "--speed", 25, *options, aircraft=agile)
+    assert found.startswith(message) and "\n" not in found
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--turn-rate", "5deg"), "--turn-rate: expected a number in rad/s, or in deg/s as 5deg/s"),
+        (("--bank", "30deg/s"), "--bank: expected a number in rad, or in deg as 5deg, found"),
+        (("--bank", "steep"), "--bank: expected a number in rad"),
+        (("--turn-radius", "nan"), "--turn-radius: expected a number in m, found 'nan'"),
+        (("--load-factor", "2g"), "--load-factor: expected a number without a unit, found '2g'"),
+        (("--bank", "0.1", "--turn-rate", "0.1"), "--turn-rate: not allowed with argument --bank"),
+    ],
+)
+def test_wrong_units_of_a_turn_are_refused(capsys, agile, options, message):
+    with pytest.raises(SystemExit) as caught:
+        run("--speed", 25, *options, aircraft=agile)
+    assert caught.value.code == 2
+    assert message in capsys.readouterr().err
+
+
+def test_an_aircraft_that_cannot_turn_says_what_it_lacks(capsys, agile):
+    light = refused(capsys, "--speed", 25, "--turn-rate", 0.1)
+    assert light.startswith("inertia under [body]: expected (3, 3)")
+    path = Path(agile).with_name("plain.toml")
+    path.write_text(COARSE)
+    message = refused(capsys, "--speed", 25, "--turn-rate", 0.1, aircraft=str(path), code=3)
+    assert message.startswith("no trim at 25 m/s in a turn with rate 0.1 rad/s: ")
+    assert "are there inputs that roll and yaw the aircraft?" in message

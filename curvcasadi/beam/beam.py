@@ -199,6 +199,12 @@ class Beam:
         }
         return {name: value for name, value in fields.items() if not is_numeric(value)}
 
+    @property
+    def shaping_symbols(self) -> dict[str, AnyExpr]:
+        """Those of `design_symbols` that its root sees: in length and initial curvature."""
+        symbols = self.design_symbols.items()
+        return {name: value for name, value in symbols if not name.startswith("Beam.root")}
+
 
 #: Results that a beam keeps, at most: those that were asked for last.
 _KEPT = 64

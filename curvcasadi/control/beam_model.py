@@ -131,7 +131,7 @@ def beam_model(
     _refuse_unnamed(force, [*states, *symbols.values()], "an input or a parameter")
     for value in matrices:
         _refuse_unnamed(value, [q, *listed], "a parameter, as it is not a load's")
-    if not beam.design_symbols:  # of length, root and initial curvature there is AD alone
+    if not beam.shaping_symbols:  # of length and initial curvature there is AD alone
         residual = inverse_dynamics_function(beam, loads, symbols, name=f"{name}_residual")
         force = residual(*states, *symbols.values()) + matrix @ q_dot
     forces = ca.Function(f"{name}_forces", [*states, *symbols.values()], [force], CSE)
@@ -248,7 +248,7 @@ def _root_wrench(
     name: str, beam: Beam, loads: Sequence[Any], symbols: Mapping[str, ca.MX]
 ) -> ca.Function:
     """(q, q_dot, q_ddot, inputs and parameters …) -> wrench, derivatives structured if possible."""
-    if not beam.design_symbols:
+    if not beam.shaping_symbols:
         return root_wrench_function(beam, loads, symbols, name=name)
     states = {key: ca.MX.sym(key, beam.basis.n) for key in ("q", "q_dot", "q_ddot")}
     wrench = root_wrench(system.build(beam, loads, None, states), *states.values())

@@ -18,10 +18,10 @@ from curvcasadi.symbolic.layout import Layout
 def element_angles(x: Layout, beams: Mapping[str, Beam]) -> ca.Function | None:
     """(x) -> squared angles of the elements over what they may turn, for `ControlModel`.
 
-    `beams` are known by the part of the state that holds their weights. None where their geometry
-    is a parameter.
+    `beams` are known by the part of the state that holds their weights. None where their length
+    or initial curvature is a parameter.
     """
-    if any(beam.design_symbols for beam in beams.values()):
+    if any(beam.shaping_symbols for beam in beams.values()):
         return None
     state = ca.MX.sym("x", x.size)
     parts = x.split(state)

@@ -33,7 +33,7 @@ def forces_function(
     if not set(identities(beam.design_symbols.values())) <= known:
         missing = next(key for key, value in beam.design_symbols.items() if free_symbols(value, []))
         raise ValueError(f"{missing}: expected numbers or parameters, found a symbol")
-    if not beam.design_symbols:
+    if not beam.shaping_symbols:
         return balance_function(beam, loads, projection, symbols, root=root, name=name)
     weights = {key: ca.MX.sym(key, n) for key in ("q", "q_dot", "q_ddot")}
     inputs = {**weights, **symbols}

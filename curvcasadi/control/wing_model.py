@@ -109,8 +109,8 @@ def wing_model(
         With one p["gust"] is an upward gust, m/s, which enters the strips as it says.
     parameters : mapping of str to MX symbol, optional
         Design symbols, columns, in fields of the wing, by the name of their part of p: stiffness,
-        mass, chord and offsets have structured derivatives, geometry (length, root, initial
-        curvature) those of CasADi.
+        mass, chord, offsets and the pose of the root (sweep) have structured derivatives, length
+        and initial curvature those of CasADi.
     outputs : sequence of str
         Names of the outputs that are wanted; all unless given. They stand in the order above.
     stations : sequence of float

@@ -90,13 +90,15 @@ def output_function(
     states = {key: ca.MX.sym(key, n) for key in ("q", "q_dot", "q_ddot")}
     inputs = {**states, **around.symbols}
     values: dict[str, AnyExpr] = {}
-    shaping = set(identities(wing.beam.design_symbols.values()))
-    geometry = {k: s for k, s in around.symbols.items() if shaping & set(identities([s]))}
-    beyond = [key for key in asked if key in {**ROOT, **STATION} and geometry]
+    geometry, curving = (
+        {k: s for k, s in around.symbols.items() if set(identities(shaping)) & set(identities([s]))}
+        for shaping in (wing.beam.design_symbols.values(), wing.beam.shaping_symbols.values())
+    )
+    beyond = [key for key in asked if key in {**ROOT, **STATION} and curving]
     if beyond:
         raise ValueError(
-            f"outputs: expected those of tip and curvature where parameters shape the beam, as "
-            f"{min(geometry)} does; found {beyond[0]!r}"
+            f"outputs: expected those of tip and curvature where parameters change the length or "
+            f"initial curvature of the beam, as {min(curving)} does; found {beyond[0]!r}"
         )
     if not set(asked).isdisjoint(ROOT):
         loads = [around.load, *wing.loads]

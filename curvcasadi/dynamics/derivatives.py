@@ -15,8 +15,8 @@ import casadi as ca
 from curvcasadi.dynamics import fields
 from curvcasadi.dynamics.applied import LoadSlopes, data_slope, load_slopes
 from curvcasadi.dynamics.fields import Fields, Wrenches
-from curvcasadi.dynamics.system import ParentMotion, System
-from curvcasadi.lie import se3
+from curvcasadi.dynamics.system import System
+from curvcasadi.lie import se3, so3
 from curvcasadi.statics.energy import stiffness_matrix
 from curvcasadi.symbolic.expressions import AnyExpr, is_numeric
 
@@ -61,11 +61,12 @@ def differentiate(
 ) -> Derivatives:
     """Residual of `inverse_dynamics` with its derivatives; with `root` also by the parent's motion.
 
-    `parameters` (m, 1) are symbols in loads, stiffness and inertia, and in the parent's motion.
+    `parameters` (m, 1) are symbols in loads, stiffness and inertia, in the parent's motion, and in
+    the pose of the root in a parent at rest.
     """
     n = system.beam.basis.n
-    motion_of_parent = (system.parent.twist, system.parent.twist_rate)
-    driven = parameters is not None and any(_depends(x, parameters) for x in motion_of_parent)
+    driving = (system.parent.twist, system.parent.twist_rate, system.beam.root.packed)
+    driven = parameters is not None and any(_depends(x, parameters) for x in driving)
     if driven and not root:
         full = differentiate(system, q, q_dot, q_ddot, root=True, parameters=parameters)
         return _without_root(full)
@@ -103,7 +104,7 @@ def differentiate(
         return found
     by_data, rates = parameter_slopes(system, stations, q, parameters, root)
     if driven:
-        by_parent, rates_by_parent = _by_parent(found, system.parent, parameters)
+        by_parent, rates_by_parent = _by_parent(found, system, parameters)
         by_data, rates = by_data + by_parent, rates + rates_by_parent
     return found._replace(by_parameters=by_data, rates=found.rates._replace(by_parameters=rates))
 
@@ -227,16 +228,30 @@ def parameter_slopes(
     return total, ca.vertcat(*rates)
 
 
-def _by_parent(
-    found: Derivatives, parent: ParentMotion, parameters: AnyExpr
-) -> tuple[AnyExpr, AnyExpr]:
-    """What parameters do by way of the twist of the parent and its rates."""
+def _by_parent(found: Derivatives, system: System, parameters: AnyExpr) -> tuple[AnyExpr, AnyExpr]:
+    """What parameters do by way of the pose of the root, the twist of the parent and its rates."""
+    parent, wrench, rates = system.parent, found.parent, found.rates
+    moved = root_change(system, parameters)
     twist, rate = (_jacobian(x, parameters) for x in (parent.twist, parent.twist_rate))
-    by_rates: AnyExpr = ca.vertcat(found.parent.by_rates, found.by_rates)
-    by_accelerations: AnyExpr = ca.vertcat(found.parent.by_accelerations, found.by_accelerations)
-    forces = by_rates[:, :6] @ twist + by_accelerations[:, :6] @ rate
-    rates = found.rates
-    return forces, rates.by_rates[:, :6] @ twist + rates.by_accelerations[:, :6] @ rate
+    carried = fields.cross_force(moved, wrench.value)  # the axes of the wrench stay
+    by_weights: AnyExpr = ca.vertcat(wrench.by_weights, found.by_weights)
+    by_rates: AnyExpr = ca.vertcat(wrench.by_rates, found.by_rates)
+    by_accelerations: AnyExpr = ca.vertcat(wrench.by_accelerations, found.by_accelerations)
+    forces = by_weights[:, :6] @ moved + by_rates[:, :6] @ twist + by_accelerations[:, :6] @ rate
+    forces += ca.vertcat(carried, ca.DM.zeros(found.residual.numel(), parameters.numel()))
+    changes = rates.by_weights[:, :6] @ moved + rates.by_rates[:, :6] @ twist
+    return forces, changes + rates.by_accelerations[:, :6] @ rate
+
+
+def root_change(system: System, parameters: AnyExpr) -> AnyExpr:
+    """How parameters move the root in its parent, (6, m): a twist in parent axes at its origin.
+
+    With dR = [a×] R it is a = ½ Σ r_k × dr_k of the columns of R, and b = dp − a × p.
+    """
+    rotation, position = system.beam.root.rotation, system.beam.root.position
+    columns = (rotation[:, k] for k in range(3))
+    turned = sum(so3.hat(column) @ _jacobian(column, parameters) for column in columns) / 2
+    return ca.vertcat(turned, _jacobian(position, parameters) + so3.hat(position) @ turned)
 
 
 def _without_root(full: Derivatives) -> Derivatives:

@@ -6,15 +6,17 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import casadi as ca
+import numpy as np
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.dynamics import forward, inverse, system
-from curvcasadi.dynamics.derivatives import Derivatives, differentiate
+from curvcasadi.dynamics.derivatives import Derivatives, differentiate, root_change
+from curvcasadi.dynamics.fields import cross_force
 from curvcasadi.kinematics.pose_function import KINDS, Form
 from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.symbolic import ldl
 from curvcasadi.symbolic.derivatives import with_jacobian
-from curvcasadi.symbolic.expressions import AnyExpr, Array, choice, function_name
+from curvcasadi.symbolic.expressions import AnyExpr, Array, choice, function_name, is_numeric
 from curvcasadi.symbolic.functions import free_symbols
 
 
@@ -40,8 +42,8 @@ def inverse_dynamics_function(
     loads : sequence of loads
         As for `inverse_dynamics`; they may hold parameters.
     parameters : mapping of str to symbols, optional
-        Symbols in loads, section, bodies and root, by the name of their input; MX for the compact
-        form, SX for the unrolled one.
+        Symbols in loads, section, bodies, the pose of the beam's root and `root`, by the name of
+        their input; MX for the compact form, SX for the unrolled one.
     root : RootMotion, optional
         How the root moves; it may hold parameters.
     form : {"compact", "unrolled"}
@@ -61,8 +63,8 @@ def inverse_dynamics_function(
     Raises
     ------
     ValueError
-        As `inverse_dynamics`; and if a symbol is not among the parameters, or one of them is in the
-        length, root pose or initial curvature of the beam.
+        As `inverse_dynamics`; and if a symbol is not among the parameters, one of them is in the
+        length or initial curvature of the beam, or in the pose of a root that moves.
     """
     if small and form != "compact":
         raise ValueError(f"form: expected 'compact' where small is set, found {form!r}")
@@ -159,7 +161,8 @@ def root_wrench_function(
     found = differentiate(made.system, *made.states, root=True, parameters=stacked)
     wrench = found.parent
     slopes = [part[:, 6:] for part in (wrench.by_weights, wrench.by_rates, wrench.by_accelerations)]
-    slope = -to_root @ ca.horzcat(*slopes, found.by_parameters[:6, :])
+    turned = cross_force(root_change(made.system, stacked), wrench.value)  # the axes of the root
+    slope = -to_root @ ca.horzcat(*slopes, found.by_parameters[:6, :] - turned)
     return with_jacobian(name, made.inputs, {"wrench": made.kind(value)}, {"wrench": slope})
 
 
@@ -236,13 +239,20 @@ def _prepare(
     taken = sorted(set(parameters) & {"q", "q_dot", "q_ddot", "residual"})
     if taken:
         raise ValueError(f"parameters: expected names of their own, found {', '.join(taken)}")
-    for field, symbol in beam.design_symbols.items():
+    at_rest = root is None or is_at_rest(root)
+    for field, symbol in (beam.shaping_symbols if at_rest else beam.design_symbols).items():
         raise ValueError(f"{field}: expected numbers, found the symbol {symbol}")
     symbols = {key: kind.sym(key, beam.basis.n) for key in states}
     inputs = {**symbols, **parameters}
     built = system.build(beam, loads, root, inputs)
     stacked = ca.veccat(*parameters.values()) if parameters else None
     return _Prepared(built, kind, [*symbols.values()], inputs, stacked)
+
+
+def is_at_rest(root: RootMotion) -> bool:
+    """Whether a root has no motion, so that its pose in its parent is all that a symbol moves."""
+    parts = (root.twist, root.twist_rate)
+    return all(is_numeric(part) and not np.any(ca.DM(part).full()) for part in parts)
 
 
 def _refuse_free(value: AnyExpr, inputs: Mapping[str, AnyExpr]) -> None:

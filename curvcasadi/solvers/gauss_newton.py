@@ -25,22 +25,27 @@ from curvcasadi.symbolic.expressions import Array, Real
 
 #: The project's own solver: C on a target, CasADi's DAQP on the same numbers on a host.
 OWN = "own"
-_PLUGINS: dict[str, tuple[str, dict[str, Any]]] = {
+_TIGHT = {"eps_abs": 1e-11, "eps_rel": 0.0}
+_TIGHT_GAP = {"eps_duality_gap_abs": 1e-11, "eps_duality_gap_rel": 0.0}
+_TIGHT_RESIDUALS = {f"res_{key}_max": 1e-12 if key in "gbd" else 1e-14 for key in "gbdm"}
+_QUIET = {"verbose": False}
+PLUGINS: dict[str, tuple[str, dict[str, Any]]] = {
     OWN: ("daqp", {"daqp": {"primal_tol": 1e-10, "dual_tol": 1e-12}}),
     "qrqp": ("qrqp", {"print_iter": False, "print_header": False, "print_info": False}),
     "qpoases": ("qpoases", {"printLevel": "none"}),
-    "hpipm": ("hpipm", {"hpipm": {"mode": "robust"}}),
+    "hpipm": ("hpipm", {"hpipm": {"mode": "balance", **_TIGHT_RESIDUALS}}),
+    "piqp": ("piqp", {"piqp": {**_TIGHT, **_TIGHT_GAP}}),
+    "osqp": ("osqp", {"osqp": {**_TIGHT, **_QUIET, "max_iter": 100_000, "polishing": True}}),
+    "proxqp": ("proxqp", {"proxqp": {**_TIGHT, **_QUIET}}),
 }
 
 #: Factor of the objective for solvers with tolerances of their own that are too wide.
-_STRETCH = {"hpipm": 1e4}
+STRETCH = {"hpipm": 1e2, "piqp": 1e4, "proxqp": 1e2}
 
 #: Decrease that a step must reach, over what its linearization promises.
 ARMIJO = 1e-4
 #: Penalty of violations over the largest multiplier.
 PENALTY = 1.5
-#: Limits that solvers of CasADi take for finite ones.
-_FAR = 1e300
 #: Factor of the damping where a step was too long, and divisor where it was not; the least that
 #: counts, over the largest entry of the Hessian at rest.
 DAMPING, LEAST_DAMPING = 4.0, 1e-7
@@ -48,8 +53,8 @@ DAMPING, LEAST_DAMPING = 4.0, 1e-7
 STILL = 0.01
 #: Between limits that coincide: DAQP refuses equalities that depend on each other.
 _ROOM = 1e-10
-#: Beyond all that is computed.
-_FAR = 1e30
+#: Beyond all that is computed; a limit there is none.
+FAR = 1e30
 
 
 class Solution(NamedTuple):
@@ -124,7 +129,7 @@ class GaussNewton:
     qp_solver: str = OWN
 
     def __post_init__(self) -> None:
-        plugin = _PLUGINS.get(self.qp_solver, (self.qp_solver,))[0]
+        plugin = PLUGINS.get(self.qp_solver, (self.qp_solver,))[0]
         if not isinstance(plugin, str) or not ca.has_conic(plugin):
             raise ValueError(
                 f"qp_solver: expected 'own' or a QP solver of CasADi, found {self.qp_solver!r}"
@@ -183,7 +188,7 @@ class GaussNewton:
     def program(self) -> ca.Function:
         """(H triangle, g, Aᵀ, lower, upper) -> d, multipliers: one quadratic program."""
         n, m = self.n, self.m
-        plugin, options = _PLUGINS.get(self.qp_solver, (self.qp_solver, {}))
+        plugin, options = PLUGINS.get(self.qp_solver, (self.qp_solver, {}))
         if plugin == "hpipm":  # of one stage, whose inputs are the unknowns
             options = {**options, "N": 1, "nx": [0, 0], "nu": [n, 0], "ng": [m, 0]}
         triangle = self.linearization.sparsity_out("hessian")
@@ -194,9 +199,7 @@ class GaussNewton:
         At = ca.MX.sym("At", slopes)
         lower, upper = ca.MX.sym("lower", n + m), ca.MX.sym("upper", n + m)
         full = ca.densify(ca.triu2symm(H))
-        # Solvers of CasADi raise for NaN. fmin and fmax overlook it: no limit is there then, and
-        # the certificate, which is NaN, says that the program was none.
-        low, high = ca.fmin(ca.fmax(lower, -np.inf), _FAR), ca.fmax(ca.fmin(upper, np.inf), -_FAR)
+        low, high = self.sides(lower, upper)
         sides = {"lbx": low[:n], "ubx": high[:n], "lba": low[n:], "uba": high[n:]}
         found = solve(h=full, g=g, a=At.T, **sides)
         return ca.Function(
@@ -206,23 +209,51 @@ class GaussNewton:
             {"never_inline": True},
         )
 
+    def sides(self, lower: ca.MX, upper: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Limits as the solvers of CasADi take them.
+
+        They raise for NaN. fmin and fmax overlook it: no limit is there then, and the certificate,
+        which is NaN, says that the program was none.
+        """
+        return ca.fmin(ca.fmax(lower, -np.inf), FAR), ca.fmax(ca.fmin(upper, np.inf), -FAR)
+
     def step(self, x: ca.MX, at: list[ca.MX]) -> tuple[ca.MX, ca.MX, ca.MX]:
         """(d, multipliers, distance from its optimality conditions) of the program at x."""
         _, g, H, c, At = at
         lower, upper = (ca.DM(side) for side in self.limits)
         here = ca.vertcat(x, c)
         room = ca.DM(_ROOM * (self.limits[0] == self.limits[1]))
-        unit = self.unit(H) / _STRETCH.get(self.qp_solver, 1.0)
+        unit = self.unit(H) / STRETCH.get(self.qp_solver, 1.0)
         sides = lower - here - room, upper - here + room
-        d, multipliers = self.program(H / unit, g / unit, At, *sides)
+        d, multipliers = self.program(self.divided(H, unit), g / unit, At, *sides)
         multipliers = unit * multipliers
-        left = ca.triu2symm(H) @ d + g
-        reached = here + ca.vertcat(d, At.T @ d)
+        left = self.curved(H, At, d) + g
+        reached = here + ca.vertcat(d, self.changed(H, At, d))
         return d, multipliers, self.distance(H, left, At, reached, multipliers)
 
     def unit(self, H: ca.MX) -> ca.MX | float:
         """Size of the objective."""
         return ca.mmax(ca.diag(H)) if self.relative else 1.0
+
+    def divided(self, H: ca.MX, unit: ca.MX | float) -> ca.MX:
+        """H of the objective in units of its size."""
+        return H / unit
+
+    def damped(self, H: ca.MX, damping: ca.MX) -> ca.MX:
+        """H with a damping, over the size of the objective."""
+        return H + damping * self.unit(H) * ca.DM.eye(self.n)
+
+    def curved(self, H: ca.MX, At: ca.MX, d: ca.MX) -> ca.MX:
+        """H d."""
+        return ca.triu2symm(H) @ d
+
+    def changed(self, H: ca.MX, At: ca.MX, d: ca.MX) -> ca.MX:
+        """A d, changes of the values."""
+        return At.T @ d
+
+    def pulled(self, H: ca.MX, At: ca.MX, multipliers: ca.MX) -> ca.MX:
+        """Aᵀ times multipliers of the values."""
+        return At @ multipliers
 
     def distance(
         self, H: ca.MX, gradient: ca.MX, At: ca.MX, reached: ca.MX, multipliers: ca.MX
@@ -237,7 +268,8 @@ class GaussNewton:
         # Not by indices: none of the entries of a scalar is a row.
         of_x, of_g = ca.vertsplit(multipliers, [0, self.n, self.n + self.m])
         unit = self.unit(H)
-        left, multipliers = gradient + of_x + At @ of_g, multipliers / unit
+        left = gradient + of_x + self.pulled(H, At, of_g)
+        multipliers = multipliers / unit
         pairs = [
             (ca.fmax(multipliers, 0), ca.fmax(upper - reached, 0)),
             (ca.fmax(-multipliers, 0), ca.fmax(reached - lower, 0)),
@@ -302,7 +334,7 @@ class GaussNewton:
     def begun(self, x: ca.MX) -> ca.MX:
         """State of the loop at a first point."""
         zeros = {key: ca.MX.zeros(size) for key, size in self._layout.items()}
-        far = ca.MX(_FAR)
+        far = ca.MX(FAR)
         first = {"damping": ca.MX(DAMPING * self.first_damping)}  # divided where x is accepted
         return self._state(**zeros | first | {"tried": x, "x": x, "merit": far, "distance": far})
 
@@ -359,8 +391,7 @@ class GaussNewton:
         full = s["halved"] < 1
         damping = ca.if_else(full, s["damping"] / DAMPING, s["damping"])
         damping = ca.if_else(damping < LEAST_DAMPING, 0, damping)
-        damped = H + damping * self.unit(H) * ca.DM.eye(self.n)
-        d, multipliers, _ = self.step(x, [f, g, damped, c, At])
+        d, multipliers, _ = self.step(x, [f, g, self.damped(H, damping), c, At])
         largest = ca.norm_inf(multipliers[self.n :]) if self.m else ca.MX(0)
         penalty = ca.fmax(s["penalty"], PENALTY * largest)
         on = same | {
@@ -380,4 +411,4 @@ class GaussNewton:
 
 def _product(multiplier: ca.MX, slack: ca.MX) -> ca.MX:
     """Multipliers times slack, of which either may be zero and the other infinite."""
-    return ca.fmin(multiplier, _FAR) * ca.if_else(multiplier > 0, slack, 0)
+    return ca.fmin(multiplier, FAR) * ca.if_else(multiplier > 0, slack, 0)

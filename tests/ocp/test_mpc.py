@@ -121,6 +121,40 @@ def test_converged_inputs_are_those_of_multiple_shooting_by_hand(options):
     assert_allclose(np.abs(rates).max(), 0.05, rtol=1e-6)
 
 
+@pytest.mark.parametrize("solver", ["rti", "sqp"])
+@pytest.mark.parametrize(
+    "qp_solver", ["hpipm", "qpoases", "daqp", "qrqp", "osqp", "piqp", "proxqp"]
+)
+def test_all_solvers_of_programs_give_the_same_inputs(solver, qp_solver):
+    own = tip_control(solver=solver, blocks=(1, 1, 2), soft={"curvature": 50.0})
+    other = own.copy(qp_solver=qp_solver)
+    x = np.array([0.01, 0.0, -0.02, 0.0, 0.0])
+    for mpc in (own, other):
+        mpc.reset(x)
+    for _ in range(2):
+        expected, found = (mpc.step(x, reference=GOAL) for mpc in (own, other))
+        assert expected.success and found.success, found.message
+        # 1e-6 of the range of the inputs, 0.2 rad/m.
+        assert_allclose(found.plan, expected.plan, atol=2e-7)
+        x = expected.states[:, 1]
+
+
+@pytest.mark.parametrize("qp_solver", ["own", "hpipm", "qpoases", "qrqp"])
+@pytest.mark.parametrize("solver", ["rti", "sqp", "ipopt"])
+def test_no_solver_leaves_a_step_without_an_input(solver, qp_solver):
+    mpc = tip_control(
+        solver=solver,
+        qp_solver=qp_solver,
+        bounds={"curvature": (-0.01, 0.01)},
+        u_trim=np.full(5, 0.002),
+        max_iter=20,
+    )
+    lost = mpc.step(np.array([0.0, 0.0, -0.1, 0.0, 0.0]), reference=GOAL)
+    assert not lost.success and "the trimmed input is applied" in lost.message
+    assert_allclose(lost.u, np.full(5, 0.002), rtol=0)
+    assert mpc.step(np.zeros(5), reference=GOAL).success
+
+
 def test_real_time_iterations_reach_the_converged_plan():
     converged, once = tip_control(), tip_control(solver="rti")
     steps = [once.step(np.zeros(5), reference=GOAL)]

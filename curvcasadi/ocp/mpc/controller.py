@@ -321,7 +321,10 @@ class Mpc:
         """
         inputs = self._inputs(x, p, reference or {}, preview or {})
         host = self._solver.host
-        found = dict(zip(host.name_out(), host.call(inputs), strict=True))
+        try:
+            found = dict(zip(host.name_out(), host.call(inputs), strict=True))
+        except RuntimeError as error:  # some solvers of CasADi raise where they find nothing
+            return self.fallback(reasons.raised(error))
         numeric = {key: value.full() for key, value in found.items()}
         violation, stationarity = (float(numeric[k][0, 0]) for k in ("violation", "stationarity"))
         solved = all(np.all(np.isfinite(value)) for value in numeric.values()) and stationarity <= 1

@@ -21,6 +21,11 @@ def unsolved(violation: float, stationarity: float, tolerance: float) -> str:
     return f"not converged: {stationarity:.2g} times the tolerance from the optimality conditions"
 
 
+def raised(error: RuntimeError) -> str:
+    """What a solver raised."""
+    return f"the solver gave up: {str(error).strip().splitlines()[-1]}"
+
+
 def exceeded(
     solver: MpcSolver, states: Array, plan: Array, parameters: Array, violation: float
 ) -> str:

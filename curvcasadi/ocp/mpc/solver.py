@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Literal
 
 import casadi as ca
@@ -17,6 +17,7 @@ from curvcasadi.solvers.certificate import TOLERANCES, Bounds, larger
 from curvcasadi.solvers.embedded import EmbeddedSolver, SolverFunction, solver_function
 from curvcasadi.solvers.gauss_newton import GaussNewton
 from curvcasadi.solvers.interior_point import InteriorPoint
+from curvcasadi.solvers.stagewise import Stagewise, node_linearization
 
 Solver = Literal["rti", "sqp", "ipopt"]
 
@@ -74,9 +75,12 @@ class MpcSolver:
         lower, upper = described.unknown_bounds
         limits = described.limit_bounds
         kind: Any = InteriorPoint if self.solver == "ipopt" else GaussNewton
+        evaluate = stages.evaluate
+        if kind is GaussNewton and self.qp_solver == "hpipm":
+            kind, evaluate = Stagewise, partial(node_linearization, stages)
         problem = kind(
             name=f"{name}_solver",
-            linearization=stages.evaluate(f"{name}_linearization"),
+            linearization=evaluate(f"{name}_linearization"),
             values=stages.rollout(f"{name}_rollout"),
             bounds=Bounds(lower, upper, *limits),
             real=model.real,

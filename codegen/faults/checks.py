@@ -33,6 +33,7 @@ SLACK = 3
 BOUND = 0.1  #: of the weights, rad/m
 REGULARIZATION = 1e-6
 POSITION_WEIGHT, ATTITUDE_WEIGHT, MOVE_WEIGHT = 1.0, 25.0, 1e-2
+INPUT_WEIGHT, SOFT_WEIGHT, SOFT_BOUND = 1e-2, 10.0, 0.06
 STAGES, DT, TIME_CONSTANT, RATE_BOUND = 2, 0.05, 0.25, 0.3
 
 
@@ -264,6 +265,77 @@ def _constraints(inputs: Arrays, n: int) -> tuple[Any, Any, Any, Any]:
         rates[k] = (u - start) / TIME_CONSTANT
         drift[k] = (inputs["p"] - first) / TIME_CONSTANT
     return dynamics.reshape(-1, width), model.ravel(), rates.reshape(-1, width), drift.ravel()
+
+
+@cache
+def _prediction() -> ca.Function:
+    """v, x, p, u_previous, goals -> gradient over the objective's size, limited, its Jacobian.
+
+    v holds the inputs over their bound, then the slacks over theirs. `limited` are inputs, slacks
+    and states, then the curvatures less and plus their slack.
+    """
+    beam, n = _beam(), _beam().basis.n
+    v, x, before = ca.SX.sym("v", (n + 1) * STAGES), ca.SX.sym("x", n), ca.SX.sym("before", n)
+    p, goals = ca.SX.sym("p", n, STAGES), ca.SX.sym("goals", 3 + n, STAGES)
+    slacks, state, last = v[n * STAGES :], x, before
+    errors, states, over, under = [sqrt(SOFT_WEIGHT) * SOFT_BOUND * slacks], [], [], []
+    shape = np.vstack([beam.basis(xi) for xi in (0.0, 0.5, 1.0)])
+    for k in range(STAGES):
+        u = BOUND * v[k * n : (k + 1) * n]
+        h = DT / TIME_CONSTANT
+        stays = 1 - h + h**2 / 2 - h**3 / 6 + h**4 / 24
+        state = stays * state + (1 - stays) * (u + p[:, k])
+        errors += [
+            sqrt(POSITION_WEIGHT) * (_pose()(state)[0] - goals[:3, k]),
+            sqrt(INPUT_WEIGHT) * (u - goals[3:, k]),
+            sqrt(MOVE_WEIGHT) * (u - last),
+        ]
+        bent, last = ca.DM(shape) @ state / SOFT_BOUND, u
+        states.append(state / BOUND)
+        over.append(bent - slacks[k])
+        under.append(bent + slacks[k])
+    residual = ca.vertcat(*errors)
+    jacobian = ca.jacobian(residual, v)
+    limited = ca.vertcat(v, *states, *over, *under)
+    arguments = [v, x, p, before, goals]
+    largest = ca.mmax(ca.diag(jacobian.T @ jacobian))
+    size = ca.Function("size", arguments, [largest])(0, 0, 0, 0, 0)
+    return ca.Function(
+        "prediction",
+        arguments,
+        [jacobian.T @ residual / size, limited, ca.jacobian(limited, v), ca.vertcat(*states)],
+    )
+
+
+def predictive(real: str, inputs: Arrays, outputs: Arrays) -> str:
+    n = _beam().basis.n
+    later = outputs["plan"].reshape(STAGES, n)[: STAGES - 1].ravel()
+    v = np.hstack([outputs["u"], later]) / BOUND
+    v = np.hstack([v, outputs["slack"] / SOFT_BOUND])
+    p = inputs["p"].reshape(n, STAGES, order="F")
+    goals = inputs["reference"].reshape(3 + n, STAGES, order="F")
+    found = _prediction()(v, inputs["x"], p, inputs["u_previous"], goals)
+    gradient, limited, slopes, states = (value.full() for value in found)
+    missed = np.max(np.abs(BOUND * states.ravel() - outputs["states"][n:]))
+    if missed > ROUNDING[real]:
+        return f"states are {missed:.1e} off"
+    bounded, soft = 2 * n * STAGES, len(limited) - (2 * n + 1) * STAGES
+    upper = np.ones(len(limited))
+    upper[n * STAGES : (n + 1) * STAGES] = np.inf
+    upper[-soft // 2 :] = np.inf
+    lower = -np.ones(len(limited))
+    lower[n * STAGES : (n + 1) * STAGES] = 0
+    lower[bounded + STAGES : bounded + STAGES + soft // 2] = -np.inf
+    kept = _within(real, limited.ravel(), lower, upper)
+    if kept:
+        return kept
+    near = SLACK * (STATIONARITY[real] + LIMIT[real])
+    columns = [*slopes[limited.ravel() > upper - near], *-slopes[limited.ravel() < lower + near]]
+    off = np.linalg.norm(gradient)
+    if columns:
+        off = nnls(np.transpose(columns), -gradient.ravel(), maxiter=100 * v.size)[1]
+    # A gradient is known to rounding of its largest entry: goals may be 1e19 m away.
+    return _small(real, float(off) - ROUNDING[real] * float(np.max(np.abs(gradient))))
 
 
 @cache

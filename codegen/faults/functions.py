@@ -103,6 +103,39 @@ def path(beam: cc.Beam, random: Any, calls: int) -> Arrays:
     }
 
 
+def preview(beam: cc.Beam, random: Any, calls: int) -> Arrays:
+    """A state, and positions near it that ask for more than the soft bound."""
+    n = beam.basis.n
+    start, slope = (random.uniform(-a, a, (calls, n)) for a in (0.03, 0.02))
+    goals = [tips(beam, start + slope * checks.DT * (k + 1))[0] for k in range(checks.STAGES)]
+    return {
+        "x": start,
+        "p": random.uniform(-1e-3, 1e-3, (calls, n * checks.STAGES)),
+        "u_previous": start,
+        "reference": _with_inputs(beam, goals),
+        "guess": np.tile(start, checks.STAGES),
+    }
+
+
+def _with_inputs(beam: cc.Beam, goals: list[Any]) -> Any:
+    """Columns of positions, and inputs of zero, stage after stage."""
+    rest = np.zeros((len(goals[0]), beam.basis.n))
+    return np.hstack([part for goal in goals for part in (goal, rest)])
+
+
+def far_preview(beam: cc.Beam, random: Any, calls: int) -> Arrays:
+    """Rest or nearly so, without a plan, and a position far away."""
+    found = far_path(beam, random, calls)
+    n = beam.basis.n
+    return {
+        "x": found["x"],
+        "p": np.zeros((calls, n * checks.STAGES)),
+        "u_previous": found["u_previous"],
+        "reference": _with_inputs(beam, np.hsplit(found["positions"], checks.STAGES)),
+        "guess": np.zeros((calls, n * checks.STAGES)),
+    }
+
+
 def far_goal(beam: cc.Beam, random: Any, calls: int) -> Arrays:
     """The tip of a strongly bent wing: from rest, and from any other shape."""
     shape = (calls, beam.basis.n)
@@ -162,6 +195,26 @@ def _tip_path(name: str, iterations: int | None) -> Callable[[cc.Beam], ca.Funct
         damping=0.0,  # the check knows the program itself
         name=name,
     )
+
+
+def _predictive(beam: cc.Beam) -> ca.Function:
+    """`Mpc` to convergence: a tip position, inputs and moves weighed, a soft bound."""
+    model = cc.kinematic_model(beam, time_constant=checks.TIME_CONSTANT)
+    mpc = cc.Mpc(
+        model,
+        dt=checks.DT,
+        horizon=checks.STAGES,
+        outputs={"position": checks.POSITION_WEIGHT},
+        inputs={"q_command": checks.INPUT_WEIGHT},
+        moves={"q_command": checks.MOVE_WEIGHT},
+        bounds={"curvature": (-checks.SOFT_BOUND, checks.SOFT_BOUND)},
+        soft={"curvature": checks.SOFT_WEIGHT},
+        solver="sqp",
+        max_iter=20,
+        damping=0.0,
+        name="predictive",
+    )
+    return mpc.function
 
 
 _WEIGHTED = {"weight": 1.0, "regularization": checks.REGULARIZATION}
@@ -246,6 +299,14 @@ CASES = (
         ordinary=path,
         check=checks.tip_path_step,
         hard=far_path,
+    ),
+    Case(
+        name="predictive",
+        build=_predictive,
+        ordinary=preview,
+        check=checks.predictive,
+        hard=far_preview,
+        solved_hard=0.98,
     ),
     Case(
         name="equilibrium",

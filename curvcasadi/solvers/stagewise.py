@@ -149,8 +149,15 @@ def _diagonal(shape: list[Size], nodes: list[Node]) -> ca.MX:
 class Stagewise(GaussNewton):
     """A `GaussNewton` problem whose programs keep the states of its `stages`.
 
-    Its `linearization` is `node_linearization`; objectives are of any size.
+    Its `linearization` is `node_linearization`.
+
+    Attributes
+    ----------
+    stages : Stages
+        Where the nodes come from.
     """
+
+    stages: Stages
 
     @property
     def is_embeddable(self) -> bool:
@@ -159,7 +166,6 @@ class Stagewise(GaussNewton):
 
     @cached_property
     def _sizes(self) -> list[Size]:
-        assert self.stages is not None
         return sizes(self.stages)
 
     def _nodes(self, H: ca.MX, At: ca.MX) -> list[Node]:

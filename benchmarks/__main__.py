@@ -73,6 +73,7 @@ COUNTED: tuple[Section, ...] = (
     model_estimation.consistency,
     model_estimation.recovery,
     predictive.agreement,
+    predictive.regulator,
     predictive.endless,
     alleviation.from_sensors,
     tracking.chosen,
@@ -96,6 +97,7 @@ TIMED: tuple[Section, ...] = (
     dynamics.times,
     motion.times,
     predictive.times,
+    predictive.programs,
     waiting.ratios,
 )
 

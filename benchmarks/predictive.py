@@ -20,6 +20,8 @@ DT, STAGES = 0.05, 20
 AIR = np.array([20.0, np.radians(3.0)])
 FLAPS = ("inner", "outer")
 STEPS = 10_000
+#: Numbers of stages, and the largest input of a linear model.
+HORIZONS, LARGEST = (20, 80, 160), 0.3
 
 
 def _wing_model() -> cc.ControlModel:
@@ -91,13 +93,90 @@ def times() -> Table:
     return compared(title, columns, rows)
 
 
+def programs() -> Table:
+    """HPIPM on the stages over the condensed program, of a model that costs nothing."""
+    title = "Real-time iterations of a linear model, 24 states, 2 inputs: HPIPM on the stages"
+    x, model = np.random.default_rng(1).normal(size=24), _linear_model()
+    own = cc.Mpc(
+        model,
+        dt=DT,
+        horizon=HORIZONS[0],
+        states={"state": 1.0},
+        inputs={"input": 0.3},
+        moves={"input": 0.5},
+        rate_bounds={"input": 1.0},
+    )
+    rows = []
+    for horizon in HORIZONS:
+        controls = [own.copy(horizon=horizon, qp_solver=key) for key in ("own", "hpipm")]
+        plans, times = [], np.zeros((8, 2))
+        for row in times:
+            for j, control in enumerate(controls):
+                control.reset()
+                start = time.perf_counter()
+                plans.append(control.step(x).plan)
+                row[j] = time.perf_counter() - start
+        ratio = np.median(times[2:, 1] / times[2:, 0])
+        off = np.abs(plans[-1] - plans[-2]).max() / (2 * LARGEST)
+        rows.append((f"{horizon} stages", f"{ratio:.2f}", f"{off:.0e}"))
+    columns = ("horizon", "time over that of the condensed program", "difference, over the range")
+    return compared(title, columns, rows)
+
+
+def _linear_model() -> cc.ControlModel:
+    random, n = np.random.default_rng(0), 24
+    A, B = 0.1 * random.normal(size=(n, n)) - np.eye(n), random.normal(size=(n, 2))
+    x, u, p = ca.SX.sym("x", n), ca.SX.sym("u", 2), ca.SX.sym("p", 0)
+    return cc.ControlModel(
+        name="linear",
+        x=cc.Layout((cc.Part("state", n, "1"),)),
+        u=cc.Layout((cc.Part("input", 2, "1", -LARGEST, LARGEST),)),
+        p=cc.Layout(()),
+        y=cc.Layout(()),
+        xdot=ca.Function("linear_xdot", [x, u, p], [ca.DM(A) @ x + ca.DM(B) @ u]),
+        output=ca.Function("linear_output", [x, u, p], [ca.SX(0, 1)]),
+    )
+
+
+def regulator() -> Table:
+    """The first input of a horizon of any length with a terminal cost, over the range of inputs."""
+    model = _wing_model()
+    trim = cc.flutter(model, np.array([20.0, 21.0]), p={"pitch": AIR[1]}).equilibria[0]
+    fields = {
+        "dt": DT,
+        "outputs": {"tip_position": 1.0},
+        "inputs": dict.fromkeys(FLAPS, 0.3),
+        "moves": dict.fromkeys(FLAPS, 0.5),
+    }
+    rest, x = cc.linearize(model, trim, np.zeros(2), AIR), trim.copy()
+    x[:9] *= 1 + 1e-4  # so near that the model is linear
+    inputs = [
+        cc.Mpc(model, horizon=horizon, terminal=rest, **fields).step(x, AIR).u
+        for horizon in (1, 5, 20, 60)
+    ]
+    goal = {"tip_position": model.output(trim, np.zeros(2), AIR)}
+    long = cc.Mpc(model, horizon=60, **fields).step(x, AIR, goal).u
+    size = np.abs(long).max()
+    return checked(
+        "The HALE wing in a stream, no bound reached, against 60 stages without a terminal cost",
+        [
+            Check(
+                what=f"first input of horizon {horizon}, which ends on the cost of the regulator",
+                value=float(np.abs(found - long).max() / size),
+                high=1e-5,
+            )
+            for horizon, found in zip((1, 5, 20, 60), inputs, strict=True)
+        ],
+    )
+
+
 def agreement() -> Table:
     """Converged inputs of the same program by others, over the range of the inputs."""
     beam = hale_wing(2, 2, 1, grid=cc.Grid.lobatto(6))
     model, x = cc.kinematic_model(beam, time_constant=0.5), np.array([0.01, 0, -0.02, 0, 0])
     goal = cc.pose_at(beam, [0.02, -0.01, -0.05, 0.015, 0.01], 1.0)
     plans = {
-        solver: cc.Mpc(
+        key: cc.Mpc(
             model,
             dt=0.1,
             horizon=5,
@@ -105,13 +184,14 @@ def agreement() -> Table:
             inputs={"q_command": 1e-2},
             bounds={"q_command": (-0.1, 0.1)},
             rate_bounds={"q": 0.05},
-            solver=solver,
+            solver="ipopt" if key == "IPOPT" else "sqp",
+            qp_solver="hpipm" if key == "HPIPM" else "own",
         )
         .step(x, reference={"position": goal.position, "rotation": goal.rotation})
         .plan
-        for solver in ("sqp", "ipopt")
+        for key in ("own", "HPIPM", "IPOPT")
     }
-    others = {"IPOPT": plans["ipopt"]}
+    others = {key: plans[key] for key in ("HPIPM", "IPOPT")}
     notes = []
     try:
         others["rockit"] = _by_rockit(model, x, goal)
@@ -120,7 +200,7 @@ def agreement() -> Table:
     checks = [
         Check(
             what=f"largest difference from {name}, over the range of the inputs",
-            value=float(np.abs(plan - plans["sqp"]).max()) / 0.2,
+            value=float(np.abs(plan - plans["own"]).max()) / 0.2,
             high=1e-6,
         )
         for name, plan in others.items()

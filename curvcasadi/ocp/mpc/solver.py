@@ -18,9 +18,13 @@ from curvcasadi.solvers.embedded import EmbeddedSolver, SolverFunction, solver_f
 from curvcasadi.solvers.gauss_newton import GaussNewton
 from curvcasadi.solvers.interior_point import InteriorPoint
 from curvcasadi.solvers.stagewise import Stagewise, node_linearization
+from curvcasadi.symbolic.expressions import Real
 
 Solver = Literal["rti", "sqp", "ipopt"]
 
+#: Tolerance of the optimality conditions, over half the ranges of inputs, where that of the
+#: precision is finer than errors in metres are known in.
+_STATIONARITY: dict[Real, float] = {"float": 1e-5}
 #: What a quaternion's squared length may differ from 1, as of a rotation's columns.
 _LENGTH = 1e-2
 
@@ -88,6 +92,7 @@ class MpcSolver:
             max_iter=self.max_iter,
             stages=stages,
             relative=True,
+            stationarity=_STATIONARITY.get(model.real),
             qp_solver=self.qp_solver,
         )
         begin, finish = self._begin(), self._finish()

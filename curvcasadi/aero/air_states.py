@@ -37,7 +37,7 @@ class StateParts(NamedTuple):
             for _ in range(count):
                 rows.append((ca.DM(functions.values) @ states[start : start + size]).T)
                 start += size
-        return ca.vertcat(*rows)
+        return ca.vertcat(ca.DM(0, len(self.stations)), *rows)
 
     @property
     def projection(self) -> Array:
@@ -76,10 +76,16 @@ def state_parts(
     return StateParts(stations, rates, entered, *functions)
 
 
-def gained(
-    lag: IndicialLag | None, entry: GustEntry | None, values: AnyExpr
-) -> tuple[AnyExpr, AnyExpr]:
-    """What lag states add to u_e beside φ₀ u, and what a gust adds, (1, stations) each, m/s.
+class Gained(NamedTuple):
+    """What states add to u_e beside φ₀ u, (1, stations) each, m/s."""
+
+    lagged: AnyExpr  #: Σ A_i x_i, by lag states
+    ahead: AnyExpr  #: φ₀ e, by an entry state in front of them
+    entered: AnyExpr  #: by the entry states of Küssner's function
+
+
+def gained(lag: IndicialLag | None, entry: GustEntry | None, values: AnyExpr) -> Gained:
+    """What the states of the air add to u_e.
 
     Parameters
     ----------
@@ -88,12 +94,13 @@ def gained(
     values : SX, MX or DM, shape (poles and entry states, stations)
         Of the lag states, then of the entry states.
     """
-    zero: AnyExpr = ca.DM.zeros(1, values.shape[1])
     amplitudes = np.zeros(0) if lag is None else lag.amplitudes
     of_lag, of_entry = values[: len(amplitudes), :], values[len(amplitudes) :, :]
-    lagged = ca.DM(amplitudes).T @ of_lag if lag is not None else zero
-    if entry is None:
-        return lagged, zero
-    if entry.kind == "kussner":
-        return lagged, ca.DM(entry.poles.amplitudes).T @ of_entry
-    return lagged + (1 - float(np.sum(amplitudes))) * of_entry, zero
+    lagged = ahead = entered = ca.DM.zeros(1, values.shape[1])
+    if lag is not None:
+        lagged = ca.DM(amplitudes).T @ of_lag
+    if entry is not None and entry.kind == "lag":
+        ahead = (1 - float(np.sum(amplitudes))) * of_entry
+    elif entry is not None:
+        entered = ca.DM(entry.poles.amplitudes).T @ of_entry
+    return Gained(lagged, ahead, entered)

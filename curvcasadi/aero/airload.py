@@ -19,15 +19,21 @@ import numpy as np
 
 from curvcasadi.aero import section
 from curvcasadi.aero.induced import LiftingLine
-from curvcasadi.aero.induced_load import LineOnWing, line_on_wing
+from curvcasadi.aero.induced_load import (
+    Followed,
+    LineOnWing,
+    line_on_wing,
+    refuse_tip_loss,
+)
 from curvcasadi.aero.section import SectionData
 from curvcasadi.aero.stations import air_stations, section_data
 from curvcasadi.aero.strip import StripAerodynamics
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics.shape import poses
+from curvcasadi.loads.coupling import Coupling
 from curvcasadi.loads.formulas import WrenchFormula
-from curvcasadi.loads.stations import Contributions, Coupling, Load, Mesh
+from curvcasadi.loads.stations import Contributions, Load, Mesh
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
@@ -143,11 +149,7 @@ class AerodynamicLoad(Load):
             expression(f"AerodynamicLoad.deflections[{name!r}]", angle, (1, 1))
         if self.induced_flow is not None:
             instance("AerodynamicLoad.induced_flow", self.induced_flow, LiftingLine)
-            if self.strips.tip_loss is not None:
-                raise ValueError(
-                    "StripAerodynamics.tip_loss: expected None with induced flow, which makes the "
-                    f"lift vanish at the tip; found {self.strips.tip_loss}"
-                )
+        refuse_tip_loss(self.strips, self.induced_flow)
 
     @property
     def points(self) -> tuple[float, ...]:
@@ -176,6 +178,7 @@ class AerodynamicLoad(Load):
             data=line.data,
             formula=WrenchFormula(induced_wrench),
             own=tuple(strip_data(self, xi, w * beam.length, to_parent) for xi, w in stations),
+            slopes=line.slopes,
         )
 
 
@@ -200,15 +203,9 @@ def _on_wing(
 ) -> LineOnWing:
     """The lifting line of a load; u_e is that of the stations `wanted`."""
     flow = load.flow
-    return line_on_wing(
-        line,
-        beam,
-        load.strips,
-        load.deflections,
-        velocity=flow.velocity - to_parent @ flow.wind,
-        rate=flow.angular_rate,
-        wanted=wanted,
-    )
+    velocity = flow.velocity - to_parent @ flow.wind
+    follows = Followed(through=velocity, motion=(velocity, flow.angular_rate))
+    return line_on_wing(line, beam, load.strips, load.deflections, follows, wanted)
 
 
 def wash_of(load: AerodynamicLoad, beam: Beam, to_parent: AnyExpr) -> LineOnWing:

@@ -13,9 +13,11 @@ image; the line goes on to that plane where the root stands off it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
+from types import MappingProxyType
 from typing import NamedTuple
 
 import casadi as ca
@@ -23,6 +25,9 @@ import numpy as np
 from numpy.polynomial import chebyshev, legendre
 
 from curvcasadi.symbolic.expressions import AnyExpr, Array, Number, count, numbers
+
+#: Degree of the polynomials along the span that stand for poses, and the fewest stations.
+SMOOTH, FEWEST = 6, 3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -34,23 +39,50 @@ class LiftingLine:
     panels : int
         Number of horseshoes along the beam. Six are converged.
     frozen : bool
-        Whether the influence of the horseshoes is that of the unbent wing in a stream along the
-        parent axis nearest to its chord: a constant matrix, for control models.
+        Whether the influence of the horseshoes is that of one shape in one stream: a constant
+        matrix, for control models. Otherwise it moves with the wing.
     image : bool
         Whether the wing has a mirror image beyond a plane of symmetry through the parent origin;
         without one it is a single wing with two free ends.
     plane : array, shape (3,), or None
         Unit normal of the plane of symmetry, parent axes; None for the parent axis nearest to the
         span at the root.
+    shape : array, shape (n,), mapping of str to such arrays, or None
+        Weights q, rad/m, of the shape at which the line is frozen, as those of an `Equilibrium`; of
+        the wings of an aircraft by name, as those of a `TrimResult`. None for the unbent wing.
+    velocity : array, shape (3,), or None
+        Velocity of the parent through the air, m/s, parent axes, which leaves the wake of a frozen
+        line behind; None for the parent axis nearest to the chord at the root.
     """
 
     panels: int = 6
     frozen: bool = False
     image: bool = True
     plane: Number | None = None
+    shape: Number | Mapping[str, Number] | None = None
+    velocity: Number | None = None
 
     def __post_init__(self) -> None:
         count("LiftingLine.panels", self.panels)
+        for name in ("shape", "velocity"):
+            if getattr(self, name) is not None and not self.frozen:
+                raise ValueError(
+                    f"LiftingLine.{name}: expected None of a line that moves with the wing, found "
+                    f"{getattr(self, name)}; with frozen=True it is that of the frozen line"
+                )
+        if isinstance(self.shape, Mapping):
+            values = {k: numbers(f"LiftingLine.shape[{k!r}]", q) for k, q in self.shape.items()}
+            object.__setattr__(self, "shape", MappingProxyType(values))
+        elif self.shape is not None:
+            object.__setattr__(self, "shape", numbers("LiftingLine.shape", self.shape))
+        if self.velocity is not None:
+            velocity = numbers("LiftingLine.velocity", self.velocity).ravel()
+            if velocity.shape != (3,) or not np.any(velocity):
+                raise ValueError(
+                    "LiftingLine.velocity: expected three numbers that are not all zero, found "
+                    f"{velocity}"
+                )
+            object.__setattr__(self, "velocity", velocity)
         if self.plane is not None:
             normal = numbers("LiftingLine.plane", self.plane)
             if normal.shape != (3,) or abs(np.linalg.norm(normal) - 1) > 1e-6:
@@ -58,6 +90,17 @@ class LiftingLine:
                     f"LiftingLine.plane: expected a unit vector of three numbers, found {normal}"
                 )
             object.__setattr__(self, "plane", normal)
+
+    def of_wing(self, name: str) -> LiftingLine:
+        """The line of the wing of this name, whose shape is its own."""
+        if not isinstance(self.shape, Mapping):
+            return self
+        if name not in self.shape:
+            raise ValueError(
+                f"LiftingLine.shape: expected weights of the wing {name!r}, found those of "
+                f"{sorted(self.shape)}"
+            )
+        return replace(self, shape=self.shape[name])
 
 
 class Panels(NamedTuple):
@@ -101,17 +144,18 @@ class SpanMaps(NamedTuple):
 def span_maps(line: LiftingLine, stations: Array) -> SpanMaps:
     """Maps of a line on a wing with aerodynamic `stations` (S,) strictly between 0 and 1.
 
-    Velocities are fitted by a polynomial of degree min(N, S) − 1. The circulation is a root that
-    vanishes at the free ends, times polynomials that are even where there is a mirror image.
+    Velocities are fitted by a polynomial of degree min(N, S) − 1, what is smooth by one of degree
+    min(6, S): interpolation between many stations would magnify rounding by orders. The circulation
+    is a root that vanishes at the free ends, times polynomials that are even where there is a
+    mirror image.
     """
     panels = panels_of(line)
     known = np.concatenate([[0.0], stations])
-    degree = min(line.panels, len(stations)) - 1
+    smooth = min(SMOOTH, len(stations))
     return SpanMaps(
-        to_edges=_interpolation(known, panels.edges),
-        to_points=_interpolation(known, panels.points),
-        fitted=legendre.legvander(2 * panels.points - 1, degree)
-        @ np.linalg.pinv(legendre.legvander(2 * stations - 1, degree)),
+        to_edges=_fit(known, panels.edges, smooth),
+        to_points=_fit(known, panels.points, smooth),
+        fitted=_fit(stations, panels.points, min(line.panels, len(stations)) - 1),
         back=circulation_shapes(line, stations)
         @ np.linalg.inv(circulation_shapes(line, panels.points)),
     )
@@ -128,11 +172,10 @@ def circulation_shapes(line: LiftingLine, xi: Array) -> Array:
     return np.asarray(np.sqrt(1 - centered**2)[:, None] * chebyshev.chebvander(centered, n - 1))
 
 
-def _interpolation(known: Array, wanted: Array) -> Array:
-    """Values at `wanted` of the polynomial through values at `known`: (wanted, known)."""
-    degree = len(known) - 1
-    through = legendre.legvander(2 * known - 1, degree)
-    return np.asarray(np.linalg.solve(through.T, legendre.legvander(2 * wanted - 1, degree).T).T)
+def _fit(known: Array, wanted: Array, degree: int) -> Array:
+    """Values at `wanted` of the polynomial that fits values at `known`: (wanted, known)."""
+    through = np.linalg.pinv(legendre.legvander(2 * known - 1, degree))
+    return np.asarray(legendre.legvander(2 * wanted - 1, degree) @ through)
 
 
 def bound_velocity(point: AnyExpr, start: AnyExpr, end: AnyExpr) -> AnyExpr:

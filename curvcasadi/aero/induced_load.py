@@ -1,15 +1,15 @@
-"""The lifting line of a wing as a coupling of its strips: u_e of each from the poses of all.
+"""The lifting line of a wing as a coupling of its strips: u_e of each from the motion of all.
 
 Positions, and the local y and z axes, are interpolated from the aerodynamic stations and the root
 to the ends and control points of the horseshoes; velocities u are fitted to the control points;
-circulations come back to the stations. The line needs no stations of its own.
+circulations come back to the stations. The line needs no stations of its own. Where a control
+surface ends, u jumps, which no polynomial follows: what the fit makes of shares of the panels is
+put right by the speed of the wing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -17,34 +17,53 @@ import casadi as ca
 import numpy as np
 from numpy.polynomial import legendre
 
-from curvcasadi.aero import induced, section
+from curvcasadi.aero import induced, line_functions
 from curvcasadi.aero.induced import LiftingLine
+from curvcasadi.aero.line_functions import LineKey
 from curvcasadi.aero.section import SectionData
 from curvcasadi.aero.stations import air_stations, section_data
 from curvcasadi.aero.strip import StripAerodynamics
 from curvcasadi.beam.beam import Beam
-from curvcasadi.beam.pose import unpack_pose
 from curvcasadi.kinematics.shape import poses
-from curvcasadi.symbolic.expressions import AnyExpr, Number, is_numeric
+from curvcasadi.symbolic.expressions import AnyExpr, Number, expression, is_numeric
 
+#: Cosine of the largest angle between an axis and the parent axis that it is taken for.
+_CLEAR = 0.75
+#: Sine of the least angle between a wing and its plane of symmetry; m that it may stand beyond it.
+_LEAST_AWAY, _OFF = 0.05, 1e-6
 #: Gauss points between two breaks over which quantities of a panel are averaged.
 _MEAN_POINTS = 3
 
 
-class LineOnWing(NamedTuple):
-    """The lifting line of a wing in flight, as Functions of the poses (12, S) of its stations."""
+class Followed(NamedTuple):
+    """What the circulations of a wing follow.
 
-    followed: ca.Function  #: (poses, data) -> u_e (1, wanted), m/s
-    wash: ca.Function  #: (poses, (data, point)) -> velocity (3, 1) there, m/s, parent axes
+    With `motion` they follow the air that its stations meet in a parent that moves so; `given` adds
+    to that, or is all there is.
+    """
+
+    through: AnyExpr  #: velocity of the parent origin through the air (3, 1), m/s, parent axes
+    motion: tuple[AnyExpr, AnyExpr] | None = None  #: velocity and rate of the parent, (3, 1) each
+    moving: bool = False  #: whether the stations move in the parent
+    given: AnyExpr | None = None  #: u of the stations (S, 1), m/s
+    added: AnyExpr | None = None  #: to the u_e wanted, (wanted, 1), m/s
+
+
+class LineOnWing(NamedTuple):
+    """The lifting line of a wing: its Functions, and their data."""
+
+    key: LineKey
     data: AnyExpr
 
+    @property
+    def followed(self) -> ca.Function:
+        """(motions, data) -> u_e (1, wanted), m/s."""
+        return line_functions.followed(self.key)
 
-class _Key(NamedTuple):
-    """What the Functions of a line depend on."""
-
-    line: tuple[int, bool, bool]  #: panels, frozen, image
-    stations: tuple[float, ...]
-    wanted: tuple[float, ...]
+    @property
+    def slopes(self) -> ca.Function:
+        """Its derivatives, as `Coupling` takes them."""
+        return line_functions.followed_slopes(self.key)
 
 
 def line_on_wing(
@@ -52,9 +71,7 @@ def line_on_wing(
     beam: Beam,
     strips: StripAerodynamics,
     deflections: Mapping[str, Number],
-    *,
-    velocity: AnyExpr,
-    rate: AnyExpr,
+    follows: Followed,
     wanted: Sequence[float],
 ) -> LineOnWing:
     """The lifting line of a wing whose parent moves through the air.
@@ -65,17 +82,23 @@ def line_on_wing(
         Number of panels, and what it is made of.
     beam, strips, deflections
         The wing, its airfoil data, and the deflections of its control surfaces, rad.
-    velocity, rate : SX, MX or DM, shape (3, 1)
-        Of the parent through the air, m/s and rad/s, parent axes.
+    follows : Followed
+        What the circulations follow.
     wanted : sequence of float
         Stations at which u_e is wanted, s/L.
 
     Raises
     ------
     ValueError
-        If a lift slope is not above zero, which leaves the circulation of a strip undefined.
+        If a lift slope is not above zero, which leaves the circulation of a strip undefined; if the
+        strips are too few; if the wing does not lead away from the plane of symmetry.
     """
     stations = tuple(station.xi for station in air_stations(strips))
+    if len(stations) < induced.FEWEST:
+        raise ValueError(
+            f"StripAerodynamics.stations: expected at least {induced.FEWEST} with induced flow, "
+            f"found {len(stations)}"
+        )
     panels = induced.panels_of(line)
 
     def airfoil(xi: float) -> SectionData:
@@ -94,24 +117,50 @@ def line_on_wing(
         return airfoil(xi).shift
 
     k, shifts = (_means(line, value, strips.breaks) for value in (scale, shift))
-    centers = ca.vertcat(*(strips.at("aerodynamic_center", xi) for xi in panels.edges))
     along = [airfoil(xi) for xi in stations]
-    common = [
-        velocity,
-        rate,
+    at_stations: AnyExpr = ca.vertcat(*(strip.shift for strip in along))
+    fitted = ca.DM(induced.span_maps(line, np.array(stations)).fitted)
+    centers = ca.vertcat(*(strips.at("aerodynamic_center", xi) for xi in panels.edges))
+    plane = _plane(line, beam)
+    none = ca.DM.zeros(len(stations)), ca.DM.zeros(len(wanted))
+    parts = [
+        follows.through,
+        plane,
         strips.side,
-        shifts,
-        ca.vertcat(*(strip.chord for strip in along)),
-        ca.vertcat(*(strip.center for strip in along)),
+        shifts - fitted @ at_stations,
+        none[0] if follows.given is None else follows.given,
+        none[1] if follows.added is None else follows.added,
         ca.vertcat(*(scale(xi) for xi in wanted)),
     ]
-    plane = _plane(line, beam)
+    if follows.motion is not None:
+        parts += [*follows.motion, *(ca.vertcat(*x) for x in _chords(along)), at_stations]
     if line.frozen:
-        data = ca.vertcat(*common, plane, *_frozen(line, beam, centers, k, plane))
+        parts += _frozen(line, beam, stations, centers, k, plane)
     else:
-        data = ca.vertcat(*common, plane, k, centers, beam.root.packed)
-    key = _Key((line.panels, line.frozen, line.image), stations, tuple(wanted))
-    return LineOnWing(_followed(key), _wash(key), data)
+        parts += [k, centers, beam.root.packed]
+    key = LineKey(
+        line.panels,
+        line.frozen,
+        line.image,
+        stations,
+        tuple(wanted),
+        follows.motion is not None,
+        follows.moving,
+    )
+    return LineOnWing(key, ca.vertcat(*parts))
+
+
+def refuse_tip_loss(strips: StripAerodynamics, line: LiftingLine | None) -> None:
+    """Refuse a factor that lets the lift vanish at the tip beside a line that does."""
+    if line is not None and strips.tip_loss is not None:
+        raise ValueError(
+            "StripAerodynamics.tip_loss: expected None with induced flow, which makes the lift "
+            f"vanish at the tip; found {strips.tip_loss}"
+        )
+
+
+def _chords(along: Sequence[SectionData]) -> list[list[AnyExpr]]:
+    return [[strip.chord for strip in along], [strip.center for strip in along]]
 
 
 def _means(
@@ -135,151 +184,72 @@ def _means(
 
 
 def _plane(line: LiftingLine, beam: Beam) -> ca.DM:
-    """Normal of the plane of symmetry (3, 1), parent axes."""
-    if line.plane is not None:
-        return ca.DM(line.plane)
-    return _nearest_axis(beam, 0, "the plane of symmetry of LiftingLine, whose `plane` is None")
+    """Normal of the plane of symmetry (3, 1), parent axes, on the side of the wing."""
+    if line.plane is None and not line.image:
+        return ca.DM([0, 0, 1])  # there is none
+    if line.plane is None:
+        normal = _nearest_axis(beam, 0, "the span of the root, as LiftingLine.plane is None")
+    else:
+        normal = ca.DM(line.plane)
+    root = ca.vertcat(beam.root.rotation[:, 0], beam.root.position)
+    if line.image and is_numeric(root):
+        span, position = ca.vertsplit(ca.DM(root), [0, 3, 6])
+        away, off = float(ca.dot(normal, span)), float(ca.dot(normal, position))
+        if away < 0:
+            normal, away, off = -normal, -away, -off
+        if away < _LEAST_AWAY or off < -_OFF * (1 + float(ca.norm_2(position))):
+            raise ValueError(
+                "LiftingLine.image: expected a wing that leads away from its plane of symmetry, "
+                f"found one whose root stands {off:g} m from it on its own side with the span at "
+                f"{np.degrees(np.arcsin(min(away, 1.0))):.3g} degrees to it; give `plane`, or "
+                "image=False for a wing with two free ends"
+            )
+    return normal
 
 
 def _nearest_axis(beam: Beam, column: int, purpose: str) -> ca.DM:
     """The parent axis, with its sign, nearest to a local axis of the root."""
     axis = beam.root.rotation[:, column]
     if not is_numeric(axis):
-        raise ValueError(f"Beam.root: {purpose} needs a number, found the symbol {axis}")
+        raise ValueError(f"Beam.root: expected numbers for {purpose}, found the symbol {axis}")
     values = ca.DM(axis).full().ravel()
     nearest = int(np.argmax(np.abs(values)))
+    if abs(values[nearest]) < _CLEAR:
+        raise ValueError(
+            f"Beam.root: expected an axis of the parent near {purpose}, found {values}; give the "
+            "field of the LiftingLine"
+        )
     return ca.DM(np.eye(3)[nearest] * np.sign(values[nearest]))
 
 
 def _frozen(
-    line: LiftingLine, beam: Beam, centers: AnyExpr, k: AnyExpr, plane: AnyExpr
+    line: LiftingLine,
+    beam: Beam,
+    stations: Sequence[float],
+    centers: AnyExpr,
+    k: AnyExpr,
+    plane: AnyExpr,
 ) -> list[AnyExpr]:
-    """The unbent wing in a stream along the axis nearest to its chord: matrix, corners, stream.
+    """What a line is at one shape in one stream: matrix, corners, direction of the stream.
 
     Γ = matrix @ u, (N, N).
     """
-    panels = induced.panels_of(line)
-    straight = ca.DM.zeros(beam.basis.n)
-    at_edges = poses(beam, straight, panels.edges.tolist())
-    at_points = poses(beam, straight, panels.points.tolist())
-    corners = ca.horzcat(
-        *(pose.position + centers[i] * pose.rotation[:, 1] for i, pose in enumerate(at_edges))
-    )
-    normals = ca.horzcat(*(pose.rotation[:, 2] for pose in at_points))
-    stream = -_nearest_axis(beam, 1, "the stream of a frozen LiftingLine")
-    of = induced.influence(line.panels, line.image, tuple(panels.fractions))
+    if isinstance(line.shape, Mapping):
+        raise ValueError(
+            "LiftingLine.shape: expected the weights of this wing, found those of "
+            f"{sorted(line.shape)}"
+        )
+    q = ca.DM.zeros(beam.basis.n)
+    if line.shape is not None:
+        q = expression("LiftingLine.shape", line.shape, q.shape)
+    frames = [beam.root.packed, *(pose.packed for pose in poses(beam, q, stations))]
+    shape = line_functions.geometry(line.panels, line.image, tuple(stations))
+    corners, normals = shape(ca.horzcat(*frames), centers)
+    if line.velocity is None:
+        stream = -_nearest_axis(beam, 1, "the chord of the root, as LiftingLine.velocity is None")
+    else:
+        stream = -ca.DM(line.velocity / np.linalg.norm(line.velocity))
+    of = induced.influence(line.panels, line.image, tuple(induced.panels_of(line).fractions))
     reduced = ca.DM.eye(line.panels) - of(corners, normals, stream, plane) @ ca.diag(k)
     matrix = ca.diag(k) @ induced.unpivoted_solve(reduced, ca.DM.eye(line.panels))
     return [ca.vec(matrix), ca.vec(corners), stream]
-
-
-class _Line(NamedTuple):
-    """Symbols of a lifting line in flight, and the circulations of its panels."""
-
-    poses: ca.SX
-    data: ca.SX
-    back: ca.SX  #: ½ c lift_slope of the wanted stations
-    upper: ca.SX
-    corners: ca.SX  #: (3, N + 1), m
-    direction: ca.SX  #: (3, 1), of the stream
-    plane: ca.SX  #: (3, 1)
-    circulations: ca.SX  #: Γ (N, 1), m²/s, positive where it lifts
-
-
-@lru_cache(maxsize=32)
-def _line(key: _Key) -> _Line:
-    n, frozen, image = key.line
-    line = LiftingLine(panels=n, frozen=frozen, image=image)
-    s, maps = len(key.stations), induced.span_maps(line, np.array(key.stations))
-    sizes = [3, 3, 1, n, s, s, len(key.wanted), 3]
-    sizes += [n * n, 3 * (n + 1), 3] if frozen else [n, n + 1, 12]
-    poses, data = ca.SX.sym("poses", 12, s), ca.SX.sym("data", sum(sizes))
-    parts = ca.vertsplit(data, np.cumsum([0, *sizes]).tolist())
-    velocity, rate, upper, shifts, chords, centers, back, plane, *rest = parts
-    frames = [unpack_pose(poses[:, i]) for i in range(s)]
-    followed = [
-        section.circulation(
-            rotation.T @ (velocity + ca.cross(rate, position)),
-            rotation.T @ rate,
-            _airfoil(upper, chords[i], centers[i]),
-        )
-        for i, (rotation, position) in enumerate(frames)
-    ]
-    fitted = ca.DM(maps.fitted)
-    speeds = fitted @ ca.vertcat(*(found.speed for found in followed))
-    u = fitted @ ca.vertcat(*(found.velocity for found in followed)) + speeds * shifts
-    if frozen:
-        matrix, corners = ca.reshape(rest[0], n, n), ca.reshape(rest[1], 3, n + 1)
-        return _Line(poses, data, back, upper, corners, rest[2], plane, matrix @ u)
-    k, edges, root = rest
-    frames = [unpack_pose(root), *frames]
-    to_edges, to_points = ca.DM(maps.to_edges).T, ca.DM(maps.to_points).T
-    ahead = ca.horzcat(*(rotation[:, 1] for rotation, _ in frames)) @ to_edges
-    corners = ca.horzcat(*(position for _, position in frames)) @ to_edges
-    corners += ahead * ca.repmat(edges.T, 3, 1)
-    normals = ca.horzcat(*(rotation[:, 2] for rotation, _ in frames)) @ to_points
-    direction = -_unit(velocity, root[3:6])
-    of = induced.circulations(n, image, tuple(induced.panels_of(line).fractions))
-    found = of(corners, normals, direction, plane, k, u)
-    return _Line(poses, data, back, upper, corners, direction, plane, found)
-
-
-def _airfoil(upper: ca.SX, chord: ca.SX, center: ca.SX) -> SectionData:
-    """What `section.circulation` takes, without the angle of zero lift."""
-    return SectionData(upper, 0, chord, center, 0, 0, 0, 0, 0, 0, 0)
-
-
-def _unit(velocity: ca.SX, otherwise: ca.SX) -> ca.SX:
-    """`velocity` over its norm; `otherwise` in still air, where forces vanish with their slopes."""
-    still = ca.sumsqr(velocity) <= 0
-    moving = ca.if_else(still, otherwise, velocity)
-    return moving / ca.sqrt(ca.sumsqr(moving))
-
-
-@lru_cache(maxsize=32)
-def _followed(key: _Key) -> ca.Function:
-    """(poses, data) -> u_e (1, wanted) = Γ/(½ c lift_slope), m/s."""
-    count, frozen, image = key.line
-    parts = _line(key)
-    line = LiftingLine(panels=count, frozen=frozen, image=image)
-    points = induced.panels_of(line).points
-    shapes = induced.circulation_shapes(line, np.array(key.wanted))
-    back = shapes @ np.linalg.inv(induced.circulation_shapes(line, points))
-    values = ca.DM(back) @ parts.circulations / parts.back
-    return ca.Function("induced_flow", [parts.poses, parts.data], [values.T], {"cse": True})
-
-
-@lru_cache(maxsize=32)
-def _wash(key: _Key) -> ca.Function:
-    """(poses, (data, point)) -> velocity at a point off the wing, its image not included."""
-    count, _, image = key.line
-    parts, point = _line(key), ca.SX.sym("point", 3)
-    strengths = parts.upper * parts.circulations
-    geometry = (parts.corners, parts.direction, parts.plane)
-    velocity = induced.wake_velocity(count, image)(point, *geometry, strengths)
-    data = ca.vertcat(parts.data, point)
-    return ca.Function("wash", [parts.poses, data], [velocity], ["poses", "data"], ["velocity"])
-
-
-def frozen_map(line: LiftingLine, beam: Beam, strips: StripAerodynamics) -> AnyExpr:
-    """u_e of the aerodynamic stations from their u, (S, S), with the influence of the unbent wing.
-
-    Parameters
-    ----------
-    line : LiftingLine
-        Number of panels and images.
-    beam, strips
-        The wing and its airfoil data; deflections count with the u of the stations.
-    """
-    still = {"velocity": ca.DM.zeros(3), "rate": ca.DM.zeros(3)}
-    stations = np.array([station.xi for station in air_stations(strips)])
-    frozen = replace(line, frozen=True)
-    found = line_on_wing(frozen, beam, strips, {}, **still, wanted=stations.tolist())
-    n, panels = line.panels, induced.panels_of(line)
-    matrix = ca.reshape(found.data[-(n * n + 3 * (n + 1) + 3) : -(3 * (n + 1) + 3)], n, n)
-    shapes = induced.circulation_shapes(line, stations)
-    back = shapes @ np.linalg.inv(induced.circulation_shapes(line, panels.points))
-    data = [section_data(strips, x, {}, density=1.0, measure=1.0) for x in stations]
-    scales = ca.vertcat(*(strip.chord * strip.slope / 2 for strip in data))
-    to_points = ca.DM(induced.span_maps(line, stations).fitted)
-    return (ca.DM(back) @ matrix @ to_points) / ca.repmat(scales, 1, len(stations))

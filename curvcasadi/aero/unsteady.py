@@ -5,10 +5,13 @@ and a gust by the entry states of `gust`. The states are weights of functions al
 
     x_i(ξ) = Ψ(ξ) z_i,      dz_i/dt = P (b_i W/b (u + e − x_i)),      u_e = φ₀ (u + e) + Σ A_i x_i
 
-with e what a single entry lag has let in of a gust; Küssner's two states add to u_e instead. P is
-the weighted least-squares projection of values at the stations on Ψ. With the induced flow of a
-frozen lifting line the lagged part becomes a three-dimensional one, T Σ A_i x_i/Σ A_i: T takes u of
-all strips to their steady u_e.
+with e what a single entry lag has let in of a gust; Küssner's two states g add to u_e instead. P is
+the weighted least-squares projection of values at the stations on Ψ. With a lifting line T takes u
+of all strips to their steady u_e, and what is lagged is three-dimensional:
+
+    u_e = φ₀ (u + e − s) + T (s + g),      s = Σ A_i x_i/Σ A_i,      without lag u_e = T (u + e + g)
+
+T follows the shape of the wing and the stream unless the line is frozen.
 """
 
 from __future__ import annotations
@@ -23,12 +26,18 @@ from curvcasadi.aero.air_states import StateParts, gained, state_parts
 from curvcasadi.aero.airload import Flow
 from curvcasadi.aero.gust import GustEntry
 from curvcasadi.aero.induced import LiftingLine
-from curvcasadi.aero.induced_load import frozen_map
+from curvcasadi.aero.induced_load import (
+    Followed,
+    LineOnWing,
+    line_on_wing,
+    refuse_tip_loss,
+)
 from curvcasadi.aero.lag_states import IndicialLag
 from curvcasadi.aero.stations import air_stations, section_data
 from curvcasadi.aero.strip import StripAerodynamics
 from curvcasadi.aero.strip_formula import StripFormula
 from curvcasadi.beam.beam import Beam
+from curvcasadi.loads.coupling import Coupling
 from curvcasadi.loads.formulas import Formula, LocalFormula
 from curvcasadi.loads.stations import Contributions, Load, Mesh
 from curvcasadi.symbolic.expressions import (
@@ -64,7 +73,11 @@ class UnsteadyAirload(Load):
     entry : GustEntry or None
         How the strips follow the gust; None where there is none.
     induced_flow : LiftingLine or None
-        A frozen lifting line, or none.
+        A lifting line that moves with the wing or a frozen one, or none.
+    through_air : SX, MX, DM or array, shape (3, 1), or None
+        Velocity of the parent's origin through the air, m/s, parent axes, from which the wake of
+        the lifting line streams away; that of `flow` unless given, as it must be where the root
+        moves.
     apparent_mass : bool
         Whether the air that a strip accelerates has inertia.
     """
@@ -77,6 +90,7 @@ class UnsteadyAirload(Load):
     gust: Number = (0.0, 0.0, 0.0)
     entry: GustEntry | None = None
     induced_flow: LiftingLine | None = None
+    through_air: Number | None = None
     apparent_mass: bool = True
 
     order = 2
@@ -98,11 +112,10 @@ class UnsteadyAirload(Load):
                 "UnsteadyAirload.flow: expected no angular_rate, which is that of the root's "
                 f"motion, found {rate}"
             )
-        if self.induced_flow is not None and not self.induced_flow.frozen:
-            raise ValueError(
-                "UnsteadyAirload.induced_flow: expected LiftingLine(frozen=True), found a line "
-                "whose influence moves with the wing"
-            )
+        refuse_tip_loss(self.strips, self.induced_flow)
+        if self.through_air is not None:
+            velocity = expression("UnsteadyAirload.through_air", self.through_air, (3, 1))
+            object.__setattr__(self, "through_air", velocity)
         size = self.parts.size
         states = expression("UnsteadyAirload.states", self.states, (size, 1)) if size else None
         object.__setattr__(self, "states", ca.DM(0, 1) if states is None else states)
@@ -132,12 +145,52 @@ class UnsteadyAirload(Load):
 
     def contributions(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Contributions:
         """The velocity through the air and the gust, then the data of `StripFormula`."""
+        if self._coupled:
+            return
+        gained, first = self._gained(beam, to_parent), self._first
+        own = self._own(beam, to_parent)
+        for xi, added, data in zip(self.points, gained, own, strict=True):
+            yield mesh.node(xi), ca.vertcat(data[:first], added, data[first:])
+
+    def coupling(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Coupling | None:
+        """Strips whose circulation a lifting line determines from their motion."""
+        if not self._coupled:
+            return None
+        line = self.line(beam, self.follows(to_parent))
+        return Coupling(
+            nodes=tuple(mesh.node(xi) for xi in self.points),
+            function=line.followed,
+            data=line.data,
+            formula=self.formula,
+            own=tuple(self._own(beam, to_parent)),
+            first=self._first,
+            order=int(line.key.moving),
+            slopes=line.slopes,
+        )
+
+    @property
+    def _coupled(self) -> bool:
+        """Whether u_e of a strip depends on the motion of others, not on states alone."""
+        return self.induced_flow is not None and (not self.induced_flow.frozen or self.lag is None)
+
+    @property
+    def _first(self) -> int:
+        """Data of a station before what is gained: the vectors and φ₀."""
+        return 3 * StripFormula.of(self.lag, self.entry).vectors + 1
+
+    @property
+    def _direct(self) -> float:
+        """φ₀, the part of u that circulations follow at once, without induced flow."""
+        return 1.0 if self.lag is None else 1.0 - float(np.sum(self.lag.amplitudes))
+
+    def _own(self, beam: Beam, to_parent: AnyExpr) -> list[AnyExpr]:
+        """Data of the stations without what is gained."""
         parts, strip = self.parts, StripFormula.of(self.lag, self.entry)
-        direct = 1.0 if self.lag is None else 1.0 - float(np.sum(self.lag.amplitudes))
-        values = parts.values(self.states) if parts.size else ca.DM(0, len(parts.stations))
-        added = self._gained(beam, values, direct)
+        direct = 0.0 if self.lag is None and self.induced_flow is not None else self._direct
+        values, count = parts.values(self.states), len(parts.stations)
         stream = self.flow.velocity - to_parent @ self.flow.wind
-        gusts = to_parent @ ca.repmat(self.gust, 1, len(parts.stations) // self.gust.shape[1])
+        gusts = to_parent @ ca.repmat(self.gust, 1, count // self.gust.shape[1])
+        found = []
         for k, (xi, weight) in enumerate(parts.stations):
             section = section_data(
                 self.strips,
@@ -148,14 +201,30 @@ class UnsteadyAirload(Load):
                 apparent=float(self.apparent_mass),
             )
             vectors = [stream, gusts[:, k]][: strip.vectors]
-            data = ca.vertcat(*vectors, direct, added[k], values[:, k], section.pack())
-            yield mesh.node(xi), data
+            found.append(ca.vertcat(*vectors, direct, values[:, k], section.pack()))
+        return found
 
-    def _gained(self, beam: Beam, values: AnyExpr, direct: float) -> list[AnyExpr]:
-        """u_e − φ₀ u of each station, which is of states alone."""
-        lagged, entered = gained(self.lag, self.entry, values)
-        if self.induced_flow is not None and self.lag is not None:
-            steady = frozen_map(self.induced_flow, beam, self.strips)
-            whole = lagged / float(np.sum(self.lag.amplitudes))
-            lagged = (steady @ whole.T).T - direct * whole
-        return ca.horzsplit(lagged + entered)
+    def _gained(self, beam: Beam, to_parent: AnyExpr) -> list[AnyExpr]:
+        """u_e − φ₀ u of each station, where it is of states alone."""
+        if self.induced_flow is not None:
+            line = self.line(beam, self.follows(to_parent))
+            anywhere = ca.DM.zeros(12, len(self.points))  # a frozen line is what it is
+            return ca.horzsplit(line.followed(anywhere, line.data))
+        return ca.horzsplit(sum(gained(self.lag, self.entry, self.parts.values(self.states))))
+
+    def follows(self, to_parent: AnyExpr) -> Followed:
+        """What circulations follow by a lifting line; φ₀ u comes on top where there is a lag."""
+        velocity = self.flow.velocity - to_parent @ self.flow.wind
+        through = velocity if self.through_air is None else self.through_air
+        lagged, ahead, entered = gained(self.lag, self.entry, self.parts.values(self.states))
+        if self.lag is None:
+            motion = (velocity, ca.DM.zeros(3))
+            return Followed(through, motion, moving=True, given=(ahead + entered).T)
+        slow = lagged / float(np.sum(self.lag.amplitudes))
+        given, added = slow + entered, ahead - self._direct * slow
+        return Followed(through, given=given.T, added=added.T)
+
+    def line(self, beam: Beam, follows: Followed) -> LineOnWing:
+        """The lifting line of a wing."""
+        line = instance("UnsteadyAirload.induced_flow", self.induced_flow, LiftingLine)
+        return line_on_wing(line, beam, self.strips, self.deflections, follows, self.points)

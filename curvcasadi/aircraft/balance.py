@@ -12,17 +12,16 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from curvcasadi.aero import AerodynamicLoad, LiftingLine
+from curvcasadi.aero import AerodynamicLoad, LiftingLine, line_functions
 from curvcasadi.aero.airload import strip_data, strip_wrench, wash_of
 from curvcasadi.aircraft.free_motion import body_inertia, body_wrench
 from curvcasadi.aircraft.parts import Aircraft, Flight, Wing
 from curvcasadi.dynamics import SteadyRotation
 from curvcasadi.dynamics.system import ParentMotion
 from curvcasadi.kinematics import chain
-from curvcasadi.kinematics.jacobian import jacobian_states
+from curvcasadi.kinematics.jacobian import jacobian_states, unpack_sums
 from curvcasadi.loads.kinds import Gravity
 from curvcasadi.loads.stations import loaded_mesh
-from curvcasadi.statics import virtual_work
 from curvcasadi.statics.balance import Balance, balance, parameter_slopes
 from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.expressions import (
@@ -155,23 +154,14 @@ def wing_wash(
         states = jacobian_states(beam_chain, q, beam.root.packed)
     else:
         states = beam_chain.march([chain.pose_step(beam_chain.pattern)], beam.root.packed, q)
-    together: AnyExpr = ca.horzcat(*states)
-    values, by_weights, by_parameters = [], [], []
-    for point in points:
-        data = ca.vertcat(line.data, point)
-        if not slopes:
-            values.append(line.wash(together, data))
-            continue
-        m = ca.MX(0, 1) if parameters is None else parameters
-        value, by_q = virtual_work.coupled_values(line.wash, beam.basis.n)(together, data)
-        by_data = virtual_work.coupled_by_data(line.wash, m.numel())
-        _, by_p = by_data(together[:12, :], data, ca.densify(ca.jacobian(data, m)))
-        values.append(value)
-        by_weights.append(by_q)
-        by_parameters.append(by_p)
-    if not slopes:
-        return Wash(ca.horzcat(*values))
-    return Wash(ca.horzcat(*values), ca.vertcat(*by_weights), ca.vertcat(*by_parameters))
+    motions = ca.horzcat(*(state[:12] for state in states))
+    data = ca.vertcat(line.data, *points)
+    value = line_functions.wash(line.key, len(points))(motions, data)
+    if parameters is None:
+        return Wash(value)
+    by_motions, by_data = line_functions.wash_slopes(line.key, len(points))(motions, data)
+    moves = ca.vertcat(*(part for state in states for part in unpack_sums(state)))
+    return Wash(value, by_motions @ moves, by_data @ ca.densify(ca.jacobian(data, parameters)))
 
 
 def aircraft_wrench(

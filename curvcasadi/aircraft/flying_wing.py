@@ -41,7 +41,8 @@ def wing_balance_function(wing: Wing, air: FreeAir | None, name: str) -> ca.Func
     parent = system.ParentMotion(body["twist"], body["twist_rate"], body["gravity"])
     frame = body.get("attitude", ca.DM.eye(3))
     gust = frame @ states.get("gust", ca.DM.zeros(3))
-    loads = wing_loads(wing, air, states.get("lag", ca.MX(0, 1)), deflections, gust)
+    lag, velocity = states.get("lag", ca.MX(0, 1)), body["twist"][3:]
+    loads = wing_loads(wing, air, lag, deflections, gust, velocity)
     onto = ca.DM(0, 0) if air is None else ca.DM(loads[0].parts.projection)
     built = system.in_parent(wing.beam, loads, parent, frame, weights)
     found = inverse.balance(built, *weights.values())
@@ -96,9 +97,10 @@ def wing_loads(
     states: Number,
     deflections: Mapping[str, Number],
     gust: Number = (0, 0, 0),
+    velocity: Number = (0, 0, 0),
 ) -> list[Any]:
     """Loads on a wing beside its weight; the airload first."""
-    airloads = [] if air is None else [air.load(wing, states, deflections, gust)]
+    airloads = [] if air is None else [air.load(wing, states, deflections, gust, velocity)]
     return [*airloads, *wing.loads]
 
 

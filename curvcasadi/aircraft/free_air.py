@@ -44,7 +44,7 @@ class FreeAir:
     entry : GustEntry or None
         How strips follow a gust; None without gusts.
     induced_flow : LiftingLine or None
-        A frozen lifting line of each wing, or none.
+        A lifting line of each wing, or none.
     """
 
     density: float
@@ -58,8 +58,13 @@ class FreeAir:
         states: Number,
         deflections: Mapping[str, Number],
         gust: Number = (0, 0, 0),
+        velocity: Number = (0, 0, 0),
     ) -> UnsteadyAirload:
-        """Airloads of a wing; the gust (3, 1) or (3, stations) is in body axes."""
+        """Airloads of a wing; the gust (3, 1) or (3, stations) is in body axes.
+
+        So is the velocity (3, 1) of the body origin, m/s, of which a lifting line takes the
+        direction of its wake; the motion of the strips is that of the beam.
+        """
         strips = instance("Wing.strips", wing.strips, StripAerodynamics)
         return UnsteadyAirload(
             strips=strips,
@@ -69,8 +74,13 @@ class FreeAir:
             deflections={name: deflections[name] for name in strips.inputs},
             gust=gust,
             entry=self.entry,
-            induced_flow=self.induced_flow,
+            induced_flow=self.line(wing),
+            through_air=velocity,
         )
+
+    def line(self, wing: Wing) -> LiftingLine | None:
+        """The lifting line of a wing, or none."""
+        return None if self.induced_flow is None else self.induced_flow.of_wing(wing.name)
 
     def size(self, part: Wing | LiftingSurface) -> int:
         """Number of states of the air of a wing or a surface."""

@@ -101,7 +101,7 @@ def wing_model(
     lag : IndicialLag or None
         Lag of the circulation; None for circulation that follows at once.
     induced_flow : LiftingLine or None
-        A frozen lifting line, or none.
+        A lifting line that moves with the wing, or one that is frozen at a shape, or none.
     damping : float or array, shape (n, n)
         The time β, s, of stiffness-proportional damping C = β S, or C itself, as `modal_damping`
         makes it.
@@ -162,7 +162,7 @@ def wing_model(
             deflections=inputs,
             gust=ca.vertcat(0, 0, -upward) if gust is not None else ca.DM.zeros(3),
             entry=gust,
-            induced_flow=induced_flow,
+            induced_flow=None if induced_flow is None else induced_flow.of_wing(wing.name),
         )
 
     of_air = state_parts(strips, lag, gust)

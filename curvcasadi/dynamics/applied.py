@@ -22,7 +22,7 @@ from typing import NamedTuple
 import casadi as ca
 
 from curvcasadi.beam.pose import unpack_pose
-from curvcasadi.dynamics import recursion
+from curvcasadi.dynamics import coupled, recursion
 from curvcasadi.dynamics.fields import cross_force
 from curvcasadi.dynamics.system import System
 from curvcasadi.kinematics import chain
@@ -47,19 +47,19 @@ def acting(system: System, q: AnyExpr, q_dot: AnyExpr, motions: list[AnyExpr]) -
     `motions` are those of `recursion.outward`. Poses and velocities are computed only if loads
     depend on them.
     """
-    order = max((formula.order for loads in system.loads for formula, _ in loads), default=-1)
-    if order < 0:
+    if system.order < 0:
         return Acting([None] * len(system.loads), type(q)(0, 1))
     pattern = system.chain.pattern
     poses = system.chain.march([chain.pose_step(pattern)], system.beam.root.packed, q)
     twists = [ca.DM.zeros(6)] * len(poses)
-    if order:
+    if system.order:
         step = recursion.twist_step(pattern)
         twists = system.chain.march([step], system.root_twist, q, q_dot)
     wrenches, rates = [], []
-    for pose, twist, motion, loads in zip(poses, twists, motions, system.loads, strict=True):
+    joint = coupled.at_stations(system, poses, twists)
+    for k, (pose, twist, motion) in enumerate(zip(poses, twists, motions, strict=True)):
         total = None
-        for formula, data in loads:
+        for formula, data in [*system.loads[k], *(part[:2] for part in joint[k])]:
             values = _at_station(formula, data.numel())(
                 pose, twist, motion, system.parent.gravity, data
             )
@@ -94,17 +94,22 @@ class LoadSlopes(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def load_slopes(formula: Formula, size: int, columns: int) -> ca.Function:
+def load_slopes(
+    formula: Formula, size: int, columns: int, moving: tuple[int, ...] = ()
+) -> ca.Function:
     """(state, gravity, data, S, S′, S″, S′ of rates) -> the entries of `LoadSlopes`.
 
-    State: pose, spatial twist and acceleration.
+    State: pose, spatial twist and acceleration. Of the data at the rows `moving` the derivatives
+    (rows, columns) by weights and by rates are further inputs.
     """
     state, gravity, data = (ca.SX.sym(*s) for s in (("state", 24), ("gravity", 3), ("data", size)))
     fields = [ca.SX.sym(name, 6, columns) for name in ("S", "S1", "S2", "S1_rates")]
     at = unpack_motion(state, 2)
     rotation, position = at.rotation, at.position
     turning, velocity = at.twist[:3], at.twist[3:] + ca.cross(at.twist[:3], at.position)
-    value, by_place, by_twist, by_acceleration, _ = _formula_slopes(formula, at, gravity, data)
+    value, by_place, by_twist, by_acceleration, by_data = _formula_slopes(
+        formula, at, gravity, data
+    )
 
     a, b, a1, b1, a2, b2, a1r, b1r = (x for f in fields for x in (f[:3, :], f[3:, :]))
     moved, omega, speed = b - so3.hat(position) @ a, so3.hat(turning), so3.hat(velocity)
@@ -127,13 +132,19 @@ def load_slopes(formula: Formula, size: int, columns: int) -> ca.Function:
             total + by_acceleration @ ca.vertcat(rotation.T @ x, rotation.T @ y)
             for total, (x, y) in zip((by_weights, by_rates, by_accelerations), changes, strict=True)
         )
+    inputs = [state, gravity, data, *fields]
+    if moving:
+        changes_of_data = [ca.SX.sym(name, len(moving), columns) for name in ("d_data", "d_rates")]
+        by_weights, by_rates = (
+            total + by_data[:, list(moving)] @ change
+            for total, change in zip((by_weights, by_rates), changes_of_data, strict=True)
+        )
+        inputs += changes_of_data
     found = [value, by_weights, by_rates, by_accelerations]
     if isinstance(formula, LocalFormula):
         found = [_to_parent(at, part) for part in found]
         found[1][:6, :] += cross_force(fields[0], found[0][:6])
-    return ca.Function(
-        "load_slopes", [state, gravity, data, *fields], [*map(ca.densify, found)], {"cse": True}
-    )
+    return ca.Function("load_slopes", inputs, [*map(ca.densify, found)], {"cse": True})
 
 
 @lru_cache(maxsize=256)

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from curvcasadi.dynamics import fields
+from curvcasadi.dynamics import coupled, fields
 from curvcasadi.dynamics.applied import LoadSlopes, data_slope, load_slopes
+from curvcasadi.dynamics.coupled import Coupled
 from curvcasadi.dynamics.fields import Fields, Wrenches
 from curvcasadi.dynamics.system import System
 from curvcasadi.lie import se3, so3
@@ -46,8 +47,9 @@ class Derivatives(NamedTuple):
 class Station(NamedTuple):
     state: AnyExpr  #: pose, spatial twist and acceleration, (24, 1)
     fields: Fields
-    loads: list[LoadSlopes]
+    loads: list[LoadSlopes]  #: of those of the system, then of `coupled`
     tangent: AnyExpr = None  #: L of the element inboard
+    coupled: tuple[Coupled, ...] = ()
 
 
 def differentiate(
@@ -70,7 +72,7 @@ def differentiate(
     if driven and not root:
         full = differentiate(system, q, q_dot, q_ddot, root=True, parameters=parameters)
         return _without_root(full)
-    stations = _outward(system, q, q_dot, q_ddot, root)
+    stations = _coupled(system, _outward(system, q, q_dot, q_ddot, root), root, parameters)
     outboard = Wrenches(ca.DM.zeros(6), *[ca.DM.zeros(6, n + 6 * root)] * 3)
     sums = [ca.DM.zeros(n), *[ca.DM.zeros(n, n + 6 * root)] * 2]
     sums.append(ca.DM.zeros(len(fields.mass_entries(n, root))))
@@ -147,6 +149,31 @@ def _loads(system: System, k: int, state: AnyExpr, at: Fields, root: bool) -> li
     ]
 
 
+def _coupled(
+    system: System, stations: list[Station], root: bool, parameters: AnyExpr | None
+) -> list[Station]:
+    """The stations with what acts on them by the motion of all."""
+    if not system.couplings:
+        return stations
+    columns, gravity = system.beam.basis.n + 6 * root, system.parent.gravity
+    states, along = [at.state for at in stations], [at.fields for at in stations]
+    joint = coupled.with_slopes(system, states, along, parameters)
+    found = []
+    for station, parts in zip(stations, joint, strict=True):
+        of_rates = _rates_of_rates(system, station.fields, root)
+        motion = (*station.fields, of_rates)
+        loads = [
+            LoadSlopes(
+                *load_slopes(part.formula, part.data.numel(), columns, part.rows)(
+                    station.state, gravity, part.data, *motion, part.by_weights, part.by_rates
+                )
+            )
+            for part in parts
+        ]
+        found.append(station._replace(loads=[*station.loads, *loads], coupled=tuple(parts)))
+    return found
+
+
 def _rates_of_rates(system: System, at: Fields, root: bool) -> AnyExpr:
     """S′ of a change of the rates of the weights and of the parent's twist."""
     if not root:
@@ -208,20 +235,23 @@ def parameter_slopes(
     total = _jacobian(stiffness_matrix(system.beam) @ q, parameters)
     total = ca.vertcat(ca.DM.zeros(first, m), total)
     rates = [type(q)(0, m)]
-    for station, inertia, loads, slopes in zip(
-        stations, inertias, system.loads, (s.loads for s in stations), strict=True
-    ):
+    for station, inertia, loads in zip(stations, inertias, system.loads, strict=True):
         columns = station.fields.columns
         if _depends(inertia, parameters) or _depends(gravity, parameters):
             slope_of = fields.inertia_slope(mask, n + first, m)
             both = (_jacobian(inertia, parameters), _jacobian(gravity, parameters))
             total += slope_of(station.state, inertia, columns, *both)
-        for (formula, data), slope in zip(loads, slopes, strict=True):
+        acting = []
+        for formula, data in loads:
             rows = tuple(k for k in range(data.numel()) if _depends(data[k], parameters))
+            acting.append((formula, data, rows, _jacobian(data[list(rows)], parameters)))
+        acting += [
+            (part.formula, part.data, part.driven, part.by_parameters) for part in station.coupled
+        ]
+        for (formula, data, rows, changes), slope in zip(acting, station.loads, strict=True):
             change = ca.DM.zeros(slope.value.numel() - 6, m)
             if rows:
                 load_slope = data_slope(formula, data.numel(), rows, n + first, m)
-                changes = _jacobian(data[list(rows)], parameters)
                 work, change = load_slope(station.state, gravity, data, columns, changes)
                 total -= work
             rates.append(change)

@@ -15,6 +15,7 @@ from curvcasadi.kinematics import chain
 from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.kinematics.weights import check_angles
 from curvcasadi.lie import se3
+from curvcasadi.loads.coupling import Coupling
 from curvcasadi.loads.kinds import Gravity
 from curvcasadi.loads.stations import StationLoads, couplings, station_loads
 from curvcasadi.symbolic.expressions import AnyExpr, expression, instance, same_kind, sequence
@@ -40,6 +41,7 @@ class System(NamedTuple):
     chain: chain.Chain
     inertias: StationInertias
     loads: tuple[StationLoads, ...]  #: per station, gravity excluded
+    couplings: tuple[Coupling, ...]
     parent: ParentMotion
 
     @property
@@ -58,9 +60,17 @@ class System(NamedTuple):
         """Body twist of the root, (6, 1), root axes."""
         return ca.densify(_adjoint(self.beam.root.inverse()) @ self.parent.twist)
 
+    @property
+    def order(self) -> int:
+        """What loads depend on: 0 poses, 1 and twists, 2 and accelerations; −1 without loads."""
+        formulas = [formula for acting in self.loads for formula, _ in acting]
+        formulas += [coupling.formula for coupling in self.couplings]
+        orders = [formula.order for formula in formulas]
+        return max([*orders, *(coupling.order for coupling in self.couplings)], default=-1)
+
     def refuse_accelerations(self) -> None:
         """Refuse loads that depend on accelerations: their apparent mass is not in the matrices."""
-        if any(formula.order > 1 for acting in self.loads for formula, _ in acting):
+        if self.order > 1:
             raise ValueError(
                 "loads: expected loads that do not depend on accelerations, found one with an "
                 "apparent mass; solve inverse_dynamics for the accelerations instead"
@@ -122,22 +132,18 @@ def in_parent(
     inertias = station_inertias(beam, mesh)
     others = [load for load in loads if not isinstance(load, Gravity)]
     applied = station_loads(beam, others, mesh, attitude)
-    if couplings(beam, others, mesh, attitude):
-        raise ValueError(
-            "loads: expected loads whose stations do not depend on each other in dynamics, found "
-            "one with a coupling, such as induced flow that moves with the wing; a frozen "
-            "LiftingLine in an UnsteadyAirload has none"
-        )
+    coupled = couplings(beam, others, mesh, attitude)
     acting = {
         f"loads at xi = {xi:g}": data
         for xi, station in zip(mesh.stations, applied, strict=True)
         for _, data in station
     }
+    acting |= {"loads": ca.vertcat(*(part for c in coupled for part in (c.data, *c.own)))}
     inertia = {"the inertia of Beam.section and Beam.bodies": ca.vertcat(*inertias.data)}
     gravity = {"gravity": parent.gravity}
     same_kind(**symbols, **beam.design_symbols, **inertia, **gravity, **acting)
     beam_chain = chain.build(beam, mesh.stations.tolist(), boundaries=mesh.stations)
-    return System(beam, beam_chain, inertias, tuple(applied), parent)
+    return System(beam, beam_chain, inertias, tuple(applied), tuple(coupled), parent)
 
 
 def _adjoint(pose: Pose) -> AnyExpr:

@@ -9,7 +9,7 @@ and N = Σ r F_dᵀ of the offsets r at which fixed forces act, axial(R N) = Σ 
 acts otherwise brings a formula of its own, `Load.wrench`.
 
 A load may have stations of its own, `Load.points`: elements end there, too, but the panels of the
-quadrature stay those of the beam. Data that depend on the poses of all its stations, as those of
+quadrature stay those of the beam. Data that depend on the motion of all its stations, as those of
 induced flow do, are a `Coupling`.
 """
 
@@ -32,6 +32,7 @@ import numpy as np
 from curvcasadi.beam.along import breaks_of
 from curvcasadi.beam.beam import Beam, merged_breaks
 from curvcasadi.beam.quadrature import Panel
+from curvcasadi.loads.coupling import Coupling
 from curvcasadi.loads.formulas import LINEAR, Formula, WrenchFormula, linear_wrench
 from curvcasadi.symbolic.expressions import (
     COINCIDENT,
@@ -50,16 +51,6 @@ FRAMES = ("dead", "follower", "body")
 StationLoads: TypeAlias = list[tuple[Formula, AnyExpr]]
 #: (index of a station, load data that it gains) of one load.
 Contributions: TypeAlias = Iterator[tuple[int, AnyExpr]]
-
-
-class Coupling(NamedTuple):
-    """What a load takes at each of its stations from the poses of all of them."""
-
-    nodes: tuple[int, ...]  #: indices of the S stations
-    function: ca.Function  #: (poses (12, S), data) -> values (m, S)
-    data: AnyExpr  #: of `function`
-    formula: WrenchFormula  #: of a station; its data are the m values, then those of the station
-    own: tuple[AnyExpr, ...]  #: further data of each station
 
 
 class Site(NamedTuple):
@@ -153,7 +144,7 @@ class Load(Protocol):
         ...
 
     def coupling(self, beam: Beam, mesh: Mesh, to_parent: AnyExpr) -> Coupling | None:
-        """What acts at stations that depend on the poses of each other; most loads have none.
+        """What acts at stations that depend on the motion of each other; most loads have none.
 
         It acts beside `contributions`.
 
@@ -169,7 +160,7 @@ class Load(Protocol):
         Returns
         -------
         Coupling or None
-            Stations and the Function of their poses.
+            Stations and the Function of their poses, or of their poses and twists.
         """
         return None
 

@@ -17,8 +17,8 @@ import casadi as ca
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.kinematics import chain, jacobian as kinematics
+from curvcasadi.loads.coupling import Coupling
 from curvcasadi.loads.stations import (
-    Coupling,
     Load,
     StationLoads,
     couplings,
@@ -253,15 +253,13 @@ def parameter_slopes(
         for formula, data in loads_here
     ]
     for coupled in couplings(beam, loads, mesh, attitude):
-        poses = ca.horzcat(*(states[node][:12] for node in coupled.nodes))
-        by_data = ca.densify(ca.jacobian(coupled.data, parameters))
-        values, slopes = virtual_work.coupled_by_data(coupled.function, m)(
-            poses, coupled.data, by_data
-        )
-        for k, node in enumerate(coupled.nodes):
-            data = ca.vertcat(values[:, k], coupled.own[k])
-            of_own = ca.jacobian(coupled.own[k], parameters)
-            slope = ca.vertcat(slopes[:, k * m : (k + 1) * m], of_own)
+        motions = _motions(coupled, states)
+        values = coupled.function(motions, coupled.data)
+        _, by_data = coupled.tangent(motions, coupled.data)
+        slopes = by_data @ ca.densify(ca.jacobian(coupled.data, parameters))
+        together = zip(coupled.nodes, coupled.station_data(values), coupled.own, strict=True)
+        for part, (node, data, own) in zip(coupled.of_stations(slopes), together, strict=True):
+            slope = coupled.joined(part, ca.jacobian(own, parameters))
             acting.append((states[node], coupled.formula, data, slope))
     for state, formula, data, slope in acting:
         slope_of = virtual_work.wrench_by_data(formula, data.numel(), m, n)
@@ -326,18 +324,26 @@ def _station_wrenches(
             wrench_at = virtual_work.station_wrench(formula, values.numel(), columns)
             found[-1].append(_outputs(wrench_at(state, values)))
     for coupling in coupled:
-        together = ca.horzcat(*(states[node] for node in coupling.nodes))
-        results = virtual_work.coupled_values(coupling.function, columns)(together, coupling.data)
-        values, *slopes = _outputs(results)
-        m = values.shape[0]
-        for k, node in enumerate(coupling.nodes):
-            own = ca.vertcat(values[:, k], coupling.own[k])
-            moved = [
-                ca.horzsplit(slope, slope.shape[1] // len(coupling.nodes))[k] for slope in slopes
-            ]
-            wrench_at = virtual_work.station_wrench(coupling.formula, own.numel(), columns, m)
-            found[node].append(_outputs(wrench_at(states[node], own, *moved)))
+        motions = _motions(coupling, states)
+        values, moved = coupling.function(motions, coupling.data), None
+        if columns is not None:
+            by_motions, _ = coupling.tangent(motions, coupling.data)
+            sums = (kinematics.unpack_sums(states[node]) for node in coupling.nodes)
+            moves = ca.vertcat(*(part for pair in sums for part in pair))
+            moved = coupling.of_stations(by_motions[:, : moves.shape[0]] @ moves)
+        for k, held in enumerate(coupling.station_data(values)):
+            node = coupling.nodes[k]
+            moving = () if moved is None else coupling.rows
+            wrench_at = virtual_work.station_wrench(coupling.formula, held.numel(), columns, moving)
+            slopes = [] if moved is None else [moved[k]]
+            found[node].append(_outputs(wrench_at(states[node], held, *slopes)))
     return found
+
+
+def _motions(coupling: Coupling, states: Sequence[AnyExpr]) -> AnyExpr:
+    """Poses of the stations of a coupling, and twists of zero where it takes them."""
+    poses: AnyExpr = ca.horzcat(*(states[node][:12] for node in coupling.nodes))
+    return ca.vertcat(poses, ca.DM.zeros(6 * coupling.order, len(coupling.nodes)))
 
 
 def _outputs(results: Any) -> tuple[AnyExpr, ...]:

@@ -19,12 +19,12 @@ from curvcasadi.loads.formulas import Formula
 
 @lru_cache(maxsize=256)
 def station_wrench(
-    formula: Formula, size: int, columns: int | None, coupled: int = 0
+    formula: Formula, size: int, columns: int | None, moving: tuple[int, ...] = ()
 ) -> ca.Function:
     """(state, data) -> wrench; given `columns` of sums in the state, its derivatives, too.
 
-    A motion [A; B] of the station turns R by [A×] and moves p by B + A × p. Then the first
-    `coupled` data may move as well: their derivatives (coupled, columns) are a third input.
+    A motion [A; B] of the station turns R by [A×] and moves p by B + A × p. Of the
+    data at the rows `moving` the derivatives (rows, columns) are a third input.
     """
     state = StateLayout(columns=columns or 0).symbol()
     data = ca.SX.sym("data", size)
@@ -34,9 +34,9 @@ def station_wrench(
         return ca.Function("station_wrench", [state, data], [wrench], {"cse": True})
     slope = ca.jacobian(wrench, state[:12]) @ _pose_slope(state)
     inputs = [state, data]
-    if coupled:
-        d_data = ca.SX.sym("d_data", coupled, columns)
-        slope += ca.jacobian(wrench, data)[:, :coupled] @ d_data
+    if moving:
+        d_data = ca.SX.sym("d_data", len(moving), columns)
+        slope += ca.jacobian(wrench, data)[:, list(moving)] @ d_data
         inputs.append(d_data)
     return ca.Function("station_wrench_tangent", inputs, [wrench, slope], {"cse": True})
 
@@ -48,41 +48,6 @@ def _pose_slope(state: ca.SX) -> ca.SX:
     turned = ca.vertcat(*(-so3.hat(rotation[:, k]) @ a for k in range(3)))
     slope: ca.SX = ca.vertcat(turned, b - so3.hat(position) @ a)
     return slope
-
-
-@lru_cache(maxsize=64)
-def coupled_values(coupling: ca.Function, columns: int | None) -> ca.Function:
-    """(states, data) -> values (m, S); given `columns` of sums in the states, (…, m S) slopes, too.
-
-    Slopes (m, columns) stand side by side, those of a station together.
-    """
-    stations, size = coupling.size2_in(0), StateLayout(columns=columns or 0).size
-    states = ca.SX.sym("states", size, stations)
-    data = ca.SX.sym("data", *coupling.size_in(1))
-    poses = states[:12, :]
-    values = ca.densify(coupling(poses, data))
-    if columns is None:
-        return ca.Function("coupled", [states, data], [values], {"cse": True})
-    moved = ca.vertcat(*(_pose_slope(states[:, k]) for k in range(stations)))
-    by_poses = ca.Function("by_poses", [states, data], [ca.jacobian(values, poses)], {"cse": True})(
-        states, data
-    )
-    slopes = ca.vertsplit(by_poses @ moved, values.shape[0])
-    return ca.Function(
-        "coupled_tangent", [states, data], [values, ca.horzcat(*slopes)], {"cse": True}
-    )
-
-
-@lru_cache(maxsize=64)
-def coupled_by_data(coupling: ca.Function, columns: int) -> ca.Function:
-    """(poses, data, d data (…, columns)) -> values (m, S), and d values, (m, columns) a station."""
-    poses, data = (ca.SX.sym(coupling.name_in(i), *coupling.size_in(i)) for i in range(2))
-    d_data = ca.SX.sym("d_data", data.numel(), columns)
-    values = ca.densify(coupling(poses, data))
-    slopes = ca.vertsplit(ca.densify(ca.jacobian(values, data)) @ d_data, values.shape[0])
-    return ca.Function(
-        "coupled_by_data", [poses, data, d_data], [values, ca.horzcat(*slopes)], {"cse": True}
-    )
 
 
 @lru_cache(maxsize=256)

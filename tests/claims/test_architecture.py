@@ -43,7 +43,7 @@ EXEMPT = {"__init__", "__main__"}
 #: Where branches may stand. That of estimation takes zero for a missing sample, which is NaN; it
 #: guards no singularity, and is never differentiated.
 BRANCHED = {"lie/so3.py", "kinematics/element.py", "aero/section.py", "estimation/ud.py"}
-BRANCHED |= {"aero/airload.py", "aero/induced_load.py"}  # no direction in still air
+BRANCHED |= {"aero/airload.py", "aero/line_functions.py"}  # no direction in still air
 BRANCHED |= {"aero/gust.py"}  # gusts begin and end
 BRANCHED |= {"sensors/station.py"}  # the same for the slopes of a missing attitude
 BRANCHED |= {"control/iteration.py"}  # whether another iteration is needed

@@ -321,7 +321,7 @@ GUST = cc.OneMinusCosine(amplitude=1.0, duration=1.0)
         ({"density": 0.0}, "density"),
         ({"density": -1.0}, "density"),
         ({"lag": cc.IndicialLag(poles=2, modes=9)}, "IndicialLag.modes"),
-        ({"induced_flow": cc.LiftingLine(panels=4)}, "UnsteadyAirload.induced_flow"),
+        ({"induced_flow": 4}, "induced_flow: expected a LiftingLine, found 4"),
         ({"damping": -1.0}, "damping"),
         ({"name": "2 wings"}, "name"),
         ({"lag": 3}, "lag: expected an IndicialLag, found 3"),

@@ -199,17 +199,6 @@ def test_wrong_shapes_and_kinds_are_named():
         cc.forward_dynamics(wing(), q, v, root="clamped")
 
 
-def test_loads_with_coupled_stations_are_refused():
-    strips = cc.StripAerodynamics(chord=1.0, aerodynamic_center=0.25, lift_slope=6.0, stations=2)
-    flow = cc.Flow(density=1.0, velocity=[0, 20, 0])
-    air = cc.AerodynamicLoad(strips=strips, flow=flow, induced_flow=cc.LiftingLine(panels=1))
-    section = cc.Section(GJ=1, EI_y=1, EI_z=1, mass_per_length=1.0, inertia=np.eye(3))
-    basis = cc.ChannelBasis(out_of_plane=cc.Legendre(1))
-    beam = cc.Beam(length=1.0, basis=basis, grid=cc.Grid.lobatto(2), section=section)
-    with pytest.raises(ValueError, match="coupling"):
-        cc.inverse_dynamics(beam, [0.0], [0.0], [0.0], [air])
-
-
 @pytest.mark.parametrize(
     "of",
     [

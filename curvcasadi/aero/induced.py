@@ -91,16 +91,17 @@ class LiftingLine:
                 )
             object.__setattr__(self, "plane", normal)
 
-    def of_wing(self, name: str) -> LiftingLine:
-        """The line of the wing of this name, whose shape is its own."""
-        if not isinstance(self.shape, Mapping):
-            return self
-        if name not in self.shape:
-            raise ValueError(
-                f"LiftingLine.shape: expected weights of the wing {name!r}, found those of "
-                f"{sorted(self.shape)}"
-            )
-        return replace(self, shape=self.shape[name])
+
+def line_of_wing(line: LiftingLine | None, name: str) -> LiftingLine | None:
+    """The line of the wing of this name, frozen at its own shape."""
+    if line is None or not isinstance(line.shape, Mapping):
+        return line
+    if name not in line.shape:
+        raise ValueError(
+            f"LiftingLine.shape: expected weights of the wing {name!r}, found those of "
+            f"{sorted(line.shape)}"
+        )
+    return replace(line, shape=line.shape[name])
 
 
 class Panels(NamedTuple):

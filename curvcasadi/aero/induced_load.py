@@ -121,7 +121,7 @@ def line_on_wing(
     at_stations: AnyExpr = ca.vertcat(*(strip.shift for strip in along))
     fitted = ca.DM(induced.span_maps(line, np.array(stations)).fitted)
     centers = ca.vertcat(*(strips.at("aerodynamic_center", xi) for xi in panels.edges))
-    plane = _plane(line, beam)
+    plane = plane_of(line, beam)
     none = ca.DM.zeros(len(stations)), ca.DM.zeros(len(wanted))
     parts = [
         follows.through,
@@ -183,7 +183,7 @@ def _means(
     return ca.vertcat(*means)
 
 
-def _plane(line: LiftingLine, beam: Beam) -> ca.DM:
+def plane_of(line: LiftingLine, beam: Beam) -> ca.DM:
     """Normal of the plane of symmetry (3, 1), parent axes, on the side of the wing."""
     if line.plane is None and not line.image:
         return ca.DM([0, 0, 1])  # there is none

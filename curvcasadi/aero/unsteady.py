@@ -156,7 +156,7 @@ class UnsteadyAirload(Load):
         """Strips whose circulation a lifting line determines from their motion."""
         if not self._coupled:
             return None
-        line = self.line(beam, self.follows(to_parent))
+        line = line_of_load(self, beam, circulations_follow(self, to_parent))
         return Coupling(
             nodes=tuple(mesh.node(xi) for xi in self.points),
             function=line.followed,
@@ -207,24 +207,26 @@ class UnsteadyAirload(Load):
     def _gained(self, beam: Beam, to_parent: AnyExpr) -> list[AnyExpr]:
         """u_e − φ₀ u of each station, where it is of states alone."""
         if self.induced_flow is not None:
-            line = self.line(beam, self.follows(to_parent))
+            line = line_of_load(self, beam, circulations_follow(self, to_parent))
             anywhere = ca.DM.zeros(12, len(self.points))  # a frozen line is what it is
             return ca.horzsplit(line.followed(anywhere, line.data))
         return ca.horzsplit(sum(gained(self.lag, self.entry, self.parts.values(self.states))))
 
-    def follows(self, to_parent: AnyExpr) -> Followed:
-        """What circulations follow by a lifting line; φ₀ u comes on top where there is a lag."""
-        velocity = self.flow.velocity - to_parent @ self.flow.wind
-        through = velocity if self.through_air is None else self.through_air
-        lagged, ahead, entered = gained(self.lag, self.entry, self.parts.values(self.states))
-        if self.lag is None:
-            motion = (velocity, ca.DM.zeros(3))
-            return Followed(through, motion, moving=True, given=(ahead + entered).T)
-        slow = lagged / float(np.sum(self.lag.amplitudes))
-        given, added = slow + entered, ahead - self._direct * slow
-        return Followed(through, given=given.T, added=added.T)
 
-    def line(self, beam: Beam, follows: Followed) -> LineOnWing:
-        """The lifting line of a wing."""
-        line = instance("UnsteadyAirload.induced_flow", self.induced_flow, LiftingLine)
-        return line_on_wing(line, beam, self.strips, self.deflections, follows, self.points)
+def circulations_follow(load: UnsteadyAirload, to_parent: AnyExpr) -> Followed:
+    """What circulations follow by a lifting line; φ₀ u comes on top where there is a lag."""
+    velocity = load.flow.velocity - to_parent @ load.flow.wind
+    through = velocity if load.through_air is None else load.through_air
+    lagged, ahead, entered = gained(load.lag, load.entry, load.parts.values(load.states))
+    if load.lag is None:
+        motion = (velocity, ca.DM.zeros(3))
+        return Followed(through, motion, moving=True, given=(ahead + entered).T)
+    share = float(np.sum(load.lag.amplitudes))
+    slow = lagged / share
+    return Followed(through, given=(slow + entered).T, added=(ahead - (1 - share) * slow).T)
+
+
+def line_of_load(load: UnsteadyAirload, beam: Beam, follows: Followed) -> LineOnWing:
+    """The lifting line of a load on a beam."""
+    line = instance("UnsteadyAirload.induced_flow", load.induced_flow, LiftingLine)
+    return line_on_wing(line, beam, load.strips, load.deflections, follows, load.points)

@@ -14,6 +14,7 @@ import casadi as ca
 
 from curvcasadi.aero import AerodynamicLoad, LiftingLine, line_functions
 from curvcasadi.aero.airload import strip_data, strip_wrench, wash_of
+from curvcasadi.aero.induced import line_of_wing
 from curvcasadi.aircraft.free_motion import body_inertia, body_wrench
 from curvcasadi.aircraft.parts import Aircraft, Flight, Wing
 from curvcasadi.dynamics import SteadyRotation
@@ -46,7 +47,7 @@ def wing_loads(
                 strips=wing.strips,
                 flow=flight.flow,
                 deflections=deflections,
-                induced_flow=induced_flow,
+                induced_flow=line_of_wing(induced_flow, wing.name),
             )
         )
     weight = [Gravity(flight.acceleration)] if _has_mass(wing) else []

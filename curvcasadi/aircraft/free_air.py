@@ -17,7 +17,7 @@ from curvcasadi.aero.air_states import gained, state_parts
 from curvcasadi.aero.airload import Flow
 from curvcasadi.aero.apparent_mass import strip_apparent_mass
 from curvcasadi.aero.gust import GustEntry
-from curvcasadi.aero.induced import LiftingLine
+from curvcasadi.aero.induced import LiftingLine, line_of_wing
 from curvcasadi.aero.lag_states import IndicialLag
 from curvcasadi.aero.stations import air_stations, section_data
 from curvcasadi.aero.strip import StripAerodynamics
@@ -74,13 +74,9 @@ class FreeAir:
             deflections={name: deflections[name] for name in strips.inputs},
             gust=gust,
             entry=self.entry,
-            induced_flow=self.line(wing),
+            induced_flow=line_of_wing(self.induced_flow, wing.name),
             through_air=velocity,
         )
-
-    def line(self, wing: Wing) -> LiftingLine | None:
-        """The lifting line of a wing, or none."""
-        return None if self.induced_flow is None else self.induced_flow.of_wing(wing.name)
 
     def size(self, part: Wing | LiftingSurface) -> int:
         """Number of states of the air of a wing or a surface."""

@@ -12,7 +12,7 @@ import numpy as np
 from curvcasadi.aero.air_states import state_parts
 from curvcasadi.aero.airload import Flow
 from curvcasadi.aero.gust import GustEntry
-from curvcasadi.aero.induced import LiftingLine
+from curvcasadi.aero.induced import LiftingLine, line_of_wing
 from curvcasadi.aero.lag_states import IndicialLag
 from curvcasadi.aero.unsteady import UnsteadyAirload
 from curvcasadi.aircraft.parts import Wing
@@ -162,7 +162,7 @@ def wing_model(
             deflections=inputs,
             gust=ca.vertcat(0, 0, -upward) if gust is not None else ca.DM.zeros(3),
             entry=gust,
-            induced_flow=None if induced_flow is None else induced_flow.of_wing(wing.name),
+            induced_flow=line_of_wing(induced_flow, wing.name),
         )
 
     of_air = state_parts(strips, lag, gust)

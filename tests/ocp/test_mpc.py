@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from dataclasses import replace
 
 import casadi as ca
@@ -387,6 +389,20 @@ def test_a_loop_with_lost_and_bad_samples_has_a_usable_input_at_each_step():
         ({"u_trim": np.full(5, 0.5)}, r"u_trim: q_command\[0\], rad/m: expected within -0.1"),
         ({"blocks": 4}, "blocks: expected an Iterable, found 4"),
         ({"scales": {"flap": 1.0}}, "scales: expected names among q_command, found 'flap'"),
+        ({"method": "euler"}, "method: expected one of 'rk4', 'implicit_midpoint'"),
+        ({"method": "implicit_midpoint"}, "method: expected 'rk4' for 'kinematic', which has no"),
+        ({"horizon": 2.5}, "horizon: expected a whole number of at least 1, found 2.5"),
+        ({"blocks": (0, 4)}, "blocks: expected a whole number of at least 1, found 0"),
+        ({"rate_bounds": {"q_command": (1.0, -1.0)}}, r"rate_bounds\['q_command'\]: .*lower ≤"),
+        (
+            {"bounds": {"position": (-np.inf, np.inf)}, "soft": {"position": 1.0}},
+            "soft: expected finite bounds of 'position'",
+        ),
+        ({"outputs": {"position": 1.0}, "states": {"q": -1.0}}, r"states\['q'\]: expected weights"),
+        ({"outputs": [1.0]}, "outputs: expected a mapping by name, found"),
+        ({"terminal": np.eye(5)}, "terminal: expected a LinearModel"),
+        ({"damping": -1.0}, "damping: expected a number not below zero"),
+        ({"max_iter": 0}, "max_iter: expected a whole number of at least 1"),
         ({"scales": {"q_command": 1e4}}, r"scales\['q_command'\]: expected the size of an input"),
     ],
     ids=lambda value: str(value)[:40],
@@ -543,6 +559,10 @@ def test_a_program_without_a_plan_within_its_bounds_says_so():
         ({"reference": {"rotation": np.ones(9)}}, r"reference\['rotation'\]: expected ortho"),
         ({"reference": {"rotation": np.zeros((9, 4))}}, r"reference\['rotation'\]: expected ortho"),
         ({"preview": {"wind": 1.0}}, "preview: expected names among disturbance, found 'wind'"),
+        ({"reference": {"position": np.zeros((4, 3))}}, r"reference\['position'\]: expected 3 num"),
+        ({"reference": [0.0, 0.0, 0.0]}, "reference: expected a Mapping"),
+        ({"p": {"disturbanc": 0.0}}, "p: expected names among disturbance, found 'disturbanc'"),
+        ({"p": np.zeros(4)}, "p: expected 5 numbers"),
         ({"preview": {"disturbance": np.zeros((5, 2))}}, r"preview\['disturbance'\]: expected 5"),
         ({"p": np.full(5, np.nan)}, "p: expected finite numbers"),
     ],
@@ -619,3 +639,13 @@ def test_solvers_without_c_name_the_ones_with_it(options, tmp_path):
         export_c([mpc], tmp_path)
     # The advice is good.
     export_c([mpc.copy(solver="sqp", qp_solver="own")], tmp_path)
+
+
+def test_a_pickle_goes_on_where_the_controller_was():
+    mpc, x = tip_control(), np.zeros(5)
+    mpc.step(x, reference=GOAL)
+    other, fresh = pickle.loads(pickle.dumps(mpc)), copy.deepcopy(mpc)
+    planned = mpc.fallback().u
+    assert_allclose(other.fallback().u, planned, rtol=0)
+    assert_allclose(fresh.fallback().u, mpc.u_trim, rtol=0)
+    assert np.abs(planned).max() > 1e-3

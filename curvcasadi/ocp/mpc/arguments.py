@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from curvcasadi.control.model import ControlModel
 from curvcasadi.control.signals import stacked
+from curvcasadi.control.step import Method
 from curvcasadi.ocp.mpc.terms import (
     ANGLES,
     WIDE,
@@ -19,7 +20,15 @@ from curvcasadi.ocp.mpc.terms import (
     is_rotation,
     sizes,
 )
-from curvcasadi.symbolic.expressions import Array, Number, count, instance, numbers, positive
+from curvcasadi.symbolic.expressions import (
+    Array,
+    Number,
+    choice,
+    count,
+    instance,
+    numbers,
+    positive,
+)
 from curvcasadi.symbolic.layout import Layout, Part
 
 #: Half a range from which on it tells nothing of the size of an input.
@@ -113,6 +122,8 @@ def limits(model: ControlModel, bounds: Any, rates: Any, soft: Any) -> tuple[Lim
             _refuse_attitude("bounds", key, _part(layout, key), source)
         lower, upper = two_sides(f"bounds[{key!r}]", pair, size)
         rows = np.flatnonzero(np.isfinite(lower) | np.isfinite(upper))
+        if not rows.size and key in weights:
+            raise ValueError(f"soft: expected finite bounds of {key!r}, found {pair!r}")
         if rows.size:
             sides = {"lower": lower[rows], "upper": upper[rows]}
             found.append(
@@ -180,6 +191,18 @@ def inputs_at_rest(model: ControlModel, value: Any, lower: Array, upper: Array) 
             f"found {found[i]:g}"
         )
     return found
+
+
+def method(model: ControlModel, given: Method | None) -> Method:
+    """The integration method of the stages: implicit for models with inertia unless given."""
+    if given is None:
+        return "rk4" if model.second_order is None else "implicit_midpoint"
+    choice("method", given, get_args(Method))
+    if given != "rk4" and model.second_order is None:
+        raise ValueError(
+            f"method: expected 'rk4' for {model.name!r}, which has no inertia, found {given!r}"
+        )
+    return given
 
 
 def hold(blocks: Sequence[int] | None, horizon: int) -> tuple[int, ...]:

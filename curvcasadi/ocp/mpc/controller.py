@@ -162,6 +162,7 @@ class Mpc:
         self.model: ControlModel = instance("model", model, ControlModel)
         if not model.u.size:
             raise ValueError(f"model: expected a model with inputs, found {model!r}")
+        method = arguments.method(model, method)
         choice("solver", solver, _SOLVERS)
         choice("qp_solver", qp_solver, _QP_SOLVERS)
         if not is_numeric(dt):
@@ -173,8 +174,6 @@ class Mpc:
         if u_trim is None and isinstance(terminal, LinearModel):
             u_trim = terminal.u
         self.u_trim = arguments.inputs_at_rest(model, u_trim, lower, upper)
-        if method is None:
-            method = "rk4" if model.second_order is None else "implicit_midpoint"
         functions = ModelFunctions(
             model=model,
             dt=self.dt,
@@ -248,6 +247,16 @@ class Mpc:
 
     def __copy__(self) -> Mpc:
         return self.copy()
+
+    def __deepcopy__(self, memo: Any) -> Mpc:
+        return self.copy()
+
+    def __reduce__(self) -> Any:
+        """In a pickle: what it was made of, and its plan."""
+        return _made, (self._arguments,), self._plan
+
+    def __setstate__(self, plan: Plan) -> None:
+        self._plan = plan
 
     def reset(self, u: Number | Mapping[str, Number] | None = None) -> None:
         """Forget the plan: the next step starts from the trimmed input.
@@ -399,6 +408,10 @@ class Mpc:
 
     def _slacks(self, rows: Array) -> dict[str, Array]:
         return {limit.name: row for limit, row in zip(self._problem.soft, rows, strict=True)}
+
+
+def _made(arguments: dict[str, Any]) -> Mpc:
+    return Mpc(**arguments)
 
 
 def _listed(layout: Layout) -> str:

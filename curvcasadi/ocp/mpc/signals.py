@@ -25,9 +25,12 @@ def parameters(layout: Layout, p: Any, preview: Mapping[str, Number], horizon: i
     ValueError
         If a parameter without a nominal value is not given, among others.
     """
-    instance("preview", preview, Mapping)
+    for key in instance("preview", preview, Mapping):
+        _known("preview", layout.parts, key)
     given = {} if p is None else p
     if isinstance(given, Mapping):
+        for key in given:
+            _known("p", layout.parts, key)
         known = {part.name: part.nominal for part in layout.parts if part.nominal is not None}
         missing = [part for part in layout.parts if part.name not in {*known, *given, *preview}]
         if missing:

@@ -7,7 +7,9 @@ from curvcasadi.estimation.ekf.run import run_ekf
 from curvcasadi.estimation.fit.fit import fit_shape
 from curvcasadi.estimation.fit.result import ShapeFit
 from curvcasadi.estimation.information import ShapeDeviations, information_matrix, shape_deviations
-from curvcasadi.estimation.mhe.estimator import ShapeMhe, WindowEstimate, shape_mhe
+from curvcasadi.estimation.mhe.estimate import WindowEstimate
+from curvcasadi.estimation.mhe.estimator import ShapeMhe
+from curvcasadi.estimation.mhe.maker import shape_mhe
 from curvcasadi.estimation.mhe.run import run_mhe
 from curvcasadi.estimation.model_process import ModelProcess
 from curvcasadi.estimation.placement.placement import Placement, place_sensors

@@ -20,16 +20,17 @@ from curvcasadi.symbolic.expressions import (
 )
 
 
-def samples_function(sensors: Sequence[Sensor]) -> ca.Function:
+def samples_function(sensors: Sequence[Sensor] | Channels) -> ca.Function:
     """measured (m, 1) -> samples (m, 1) without NaN, and seen (r, 1): 1, or 0 where one is missing.
 
     `Sensor.present` says what is there, of a whole sample or entry by entry. The selection guards
     no derivative, and none is taken.
     """
-    layout = sensor_channels(sensors).layout
+    channels = sensors if isinstance(sensors, Channels) else sensor_channels(sensors)
+    layout = channels.layout
     measured = ca.SX.sym("measured", layout.size)
     samples, seen = [], []
-    for sensor, values in zip(sensors, layout.split(measured).values(), strict=True):
+    for sensor, values in zip(channels.sensors, layout.split(measured).values(), strict=True):
         there: Any = sensor.present(values)
         if sensor.whole:
             there = ca.repmat(there, values.numel(), 1)

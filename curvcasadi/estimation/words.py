@@ -51,10 +51,18 @@ def ekf_words(
 
 
 def mhe_words(
-    state: Layout, node: Layout, channels: Channels, names: Iterable[str]
+    state: Layout,
+    error: Layout,
+    node: Layout,
+    channels: Channels,
+    names: Iterable[str],
+    given: Mapping[str, Layout],
 ) -> Mapping[str, str]:
-    """Words for `names` of inputs and outputs of the step of a moving-horizon estimator."""
-    at, factor = _parts(state), f"of arrival_mean: {_FACTOR}"
+    """Words for `names` of inputs and outputs of the step of a moving-horizon estimator.
+
+    `given` are inputs and known parameters of its model, by name of the argument.
+    """
+    at, factor = _parts(state), f"of arrival_mean: {_FACTOR}; rows: {_parts(error)}"
     guess = f"one column a sample; rows: {_parts(node)}"
     words = {
         "arrival_mean": f"state at the first sample, from those before it: {at}",
@@ -64,11 +72,13 @@ def mhe_words(
         "measured": f"one column a sample; rows: {_measured(channels)}",
         "guess": guess,
         "guess_after": "guess of the next window",
+        "noise": "what drives the window, in standard deviations: guess of the same window",
         "state": f"at the newest sample: {at}",
         "states": f"one column a sample; rows: {at}",
         "violation": "largest excess over a bound, over its tolerance; kept where at most 1",
         "stationarity": "bound of the distance to the optimum over its tolerance; solved to 1",
         **{name: f"{text}; one sample beside the other" for name, text in _ROOT.items()},
+        **{key: f"one column a sample; rows: {_parts(layout)}" for key, layout in given.items()},
     }
     return {name: words[name] for name in names}
 

@@ -37,7 +37,7 @@ from curvcasadi.sensors import Channels, Sensor
 from curvcasadi.sensors.channels import checked_sensors
 from curvcasadi.sensors.sensor import positive_numbers
 from curvcasadi.symbolic.expressions import Number, choice, instance
-from curvcasadi.symbolic.layout import Part
+from curvcasadi.symbolic.layout import Layout, Part
 
 #: Updates in a row that fail the gate before it opens, unless told.
 RECOVERY = 10
@@ -91,6 +91,35 @@ def model_filter(
     options: Options,
 ) -> dict[str, Any]:
     """The fields of a `ShapeEkf`."""
+    observation = model_observation(wings, sensors, process, outputs, options)
+    dynamics = observation.dynamics
+    _warn_of_sampling(dynamics, observation.channels)
+    return {
+        "predict": model_predict_function(f"{name}_predict", dynamics),
+        "update": model_update_function(f"{name}_update", observation),
+        "layout": dynamics.state,
+        "error_layout": dynamics.error,
+        "channels": observation.channels,
+        "beam": wings,
+        "inputs": given_layouts(dynamics),
+        "dynamics": dynamics,
+    }
+
+
+def given_layouts(dynamics: Dynamics) -> dict[str, Layout]:
+    """Parts of u and of the known parameters, where the model has any."""
+    layouts = {"u": dynamics.model.u, "p": dynamics.known}
+    return {key: layout for key, layout in layouts.items() if layout.size}
+
+
+def model_observation(
+    wings: Beam | Aircraft,
+    sensors: Sequence[Sensor] | Mapping[str, Sequence[Sensor]],
+    process: ModelProcess,
+    outputs: Mapping[str, Number],
+    options: Options,
+) -> ModelObservation:
+    """What is estimated, and what is measured, from checked arguments."""
     instrumented = _instrumented(wings, sensors, process.model, bool(outputs))
     readings = _output_readings(process.model, outputs)
     channels = joined_channels(instrumented, readings)
@@ -117,7 +146,6 @@ def model_filter(
         method=process.method,
     )
     dynamics = replace(dynamics, density=densities(process, dynamics.error))
-    _warn_of_sampling(dynamics, channels)
     velocities = {p.name: p.size for p in process.model.x.parts if p.name.startswith("q_dot")}
     needed = [w.q_dot for w in instrumented if w.order == 2]
     missing = [part for part in needed if part not in velocities]
@@ -127,7 +155,7 @@ def model_filter(
             f"{process.model.name!r} without {missing[0]}"
         )
     unknown = {k: v for k, v in unknown_accelerations(process, velocities).items() if k in needed}
-    observation = ModelObservation(
+    return ModelObservation(
         dynamics=dynamics,
         wings=instrumented,
         outputs=readings,
@@ -139,20 +167,6 @@ def model_filter(
         recovery=options.recovery if dynamics.counters else 0,
         kinds=kinds,
     )
-    return {
-        "predict": model_predict_function(f"{name}_predict", dynamics),
-        "update": model_update_function(f"{name}_update", observation),
-        "layout": dynamics.state,
-        "error_layout": dynamics.error,
-        "channels": channels,
-        "beam": wings,
-        "inputs": {
-            key: layout
-            for key, layout in (("u", process.model.u), ("p", dynamics.known))
-            if layout.size
-        },
-        "dynamics": dynamics,
-    }
 
 
 def _warn_of_sampling(dynamics: Dynamics, channels: Channels) -> None:

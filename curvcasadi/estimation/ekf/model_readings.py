@@ -59,6 +59,8 @@ class OutputReading:
     unit: str
     noise: Array
     whole: bool = False
+    stand_in: tuple[float, ...] = ()
+    may_be_hidden: bool = False
 
     @property
     def residual_components(self) -> tuple[str, ...]:
@@ -154,6 +156,7 @@ class ModelReadings:
     whole: ca.MX
     samples: ca.MX
     known: Mapping[str, ca.MX]
+    accelerations: Mapping[str, ca.MX] = field(default_factory=dict)  #: beside the model's
 
     def rows(self) -> list[Rows]:
         """Rows of every sensor and output, over the unknown accelerations and the error state."""
@@ -244,7 +247,8 @@ class ModelReadings:
         if wing.q_dot in names:
             motion["q_dot"], slopes["q_dot"] = parts[wing.q_dot], ca.MX(picked(wing.q_dot))
             if wing.order == 2:
-                motion["q_ddot"], slopes["q_ddot"] = rates[wing.q_dot]
+                q_ddot, slopes["q_ddot"] = rates[wing.q_dot]
+                motion["q_ddot"] = q_ddot + self.accelerations.get(wing.q_dot, 0)
         else:
             motion["q_dot"], slopes["q_dot"] = rates[wing.q]
         if free:

@@ -10,14 +10,14 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.estimation.belief import check_start
-from curvcasadi.estimation.mhe.estimator import ShapeMhe, WindowEstimate
+from curvcasadi.estimation.mhe.estimate import WindowEstimate
+from curvcasadi.estimation.mhe.estimator import ShapeMhe
 from curvcasadi.estimation.samples import (
     input_values,
     missing_residuals,
     sample_values,
     sequence,
 )
-from curvcasadi.kinematics.root_motion import ROOT_INPUTS
 from curvcasadi.symbolic.expressions import Array, instance
 
 
@@ -33,9 +33,10 @@ def run_mhe(
     start : WindowEstimate
         The result of `ShapeMhe.initial`, at the time of the first sample.
     samples : iterable
-        Readings (m,), NaN where missing, or pairs of these and the root inputs by name; one every
-        `dt`. An attitude that is no rotation is missing, as for `ShapeEkf`. Where samples lead to
-        what cannot be computed the estimate stays as it was, not `solved`.
+        Readings (m,), NaN where missing, or pairs of these and, by name, the root inputs and of a
+        control model "u" and "p"; one every `dt`. An attitude that is no rotation is missing, as
+        for `ShapeEkf`. Where samples lead to what cannot be computed the estimate stays as it was,
+        not `solved`.
 
     Returns
     -------
@@ -48,7 +49,7 @@ def run_mhe(
         If the start, samples or root inputs are not finite numbers of the sizes that the estimator
         has, or the start's factor is none.
     """
-    size = instance("mhe", mhe, ShapeMhe).layout.size
+    size, error = instance("mhe", mhe, ShapeMhe).layout.size, mhe.error_layout.size
     check_start(
         start,
         WindowEstimate,
@@ -56,7 +57,7 @@ def run_mhe(
         {
             "time": (),
             "arrival_mean": (size,),
-            "arrival_factor": (size, size),
+            "arrival_factor": (error, error),
             "guess": (mhe.node.size, mhe.window + 1),
         },
         "arrival_factor",
@@ -65,7 +66,7 @@ def run_mhe(
     nodes = mhe.window + 1
     columns: deque[Array] = deque(maxlen=nodes)
     motions: deque[dict[str, Array]] = deque(maxlen=nodes)
-    shapes = {key: ROOT_INPUTS[key] for key in mhe.step.name_in()[4:]}
+    shapes = {key: _at_a_sample(mhe, key) for key in mhe.step.name_in()[4:]}
     for k, sample in enumerate(sequence("samples", samples)):
         where = f"samples[{k}]"
         if isinstance(sample, tuple) and len(sample) != 2:
@@ -73,8 +74,19 @@ def run_mhe(
         measured, inputs = sample if isinstance(sample, tuple) else (sample, {})
         columns.append(sample_values(f"{where}.measured", measured, mhe.channels.layout.size))
         motions.append(input_values(f"{where}.inputs", inputs, shapes))
+        if mhe.dynamics is not None and k == 0:
+            own = {key: motions[0][key] for key in mhe.inputs}
+            wrong = mhe.dynamics.unstable_step(mhe.dt, at.arrival_mean, own)
+            if wrong:
+                raise ValueError(f"{where}: {wrong}")
         at = _estimate(mhe, at, start.time + k * mhe.dt, columns, motions)
         yield at
+
+
+def _at_a_sample(mhe: ShapeMhe, name: str) -> tuple[int, int]:
+    """Shape of an input that comes with every sample."""
+    rows, columns = mhe.step.size_in(name)
+    return rows, columns // (mhe.window + 1)
 
 
 def _estimate(
@@ -114,11 +126,13 @@ def _estimate(
     )
     if ahead == 0:
         return estimate
-    first = np.concatenate([states[:, 0], at.guess[mhe.layout.size :, 0]])
+    if mhe.dynamics is None:
+        first = np.concatenate([states[:, 0], at.guess[mhe.layout.size :, 0]])
+        guess = np.column_stack([first, estimate.guess[:, :-1]])
+    else:
+        guess = found["noise"].full()
     return estimate._replace(
-        arrival_mean=at.arrival_mean,
-        arrival_factor=at.arrival_factor,
-        guess=np.column_stack([first, estimate.guess[:, :-1]]),
+        arrival_mean=at.arrival_mean, arrival_factor=at.arrival_factor, guess=guess
     )
 
 

@@ -23,6 +23,7 @@ SLOW = {
     "estimation/test_ekf_export.py",
     "estimation/test_fit.py",
     "estimation/test_mhe.py",
+    "estimation/test_model_mhe.py",
     "estimation/test_model_ekf.py",
     "estimation/test_placement.py",
     "export",

@@ -13,13 +13,13 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.aero import section
-from curvcasadi.aero.air_states import gained, state_parts
+from curvcasadi.aero.air_states import StateParts, gained, state_parts
 from curvcasadi.aero.airload import Flow
 from curvcasadi.aero.apparent_mass import strip_apparent_mass
 from curvcasadi.aero.gust import GustEntry
 from curvcasadi.aero.induced import LiftingLine, line_of_wing
-from curvcasadi.aero.lag_states import IndicialLag
-from curvcasadi.aero.stations import air_stations, section_data
+from curvcasadi.aero.lag_states import IndicialLag, SpanFunctions
+from curvcasadi.aero.stations import AirStation, air_stations, section_data
 from curvcasadi.aero.strip import StripAerodynamics
 from curvcasadi.aero.strip_formula import StripFormula
 from curvcasadi.aero.unsteady import UnsteadyAirload
@@ -78,6 +78,13 @@ class FreeAir:
             through_air=velocity,
         )
 
+    def states(self, part: Wing | LiftingSurface) -> StateParts | None:
+        """The states of the air of a wing or a surface; None without airfoil data."""
+        if isinstance(part, LiftingSurface):
+            one = SpanFunctions(np.eye(1), np.eye(1))
+            return StateParts((AirStation(MIDDLE, 1.0),), *self.poles, one, one)
+        return None if part.strips is None else state_parts(part.strips, self.lag, self.entry)
+
     def size(self, part: Wing | LiftingSurface) -> int:
         """Number of states of the air of a wing or a surface."""
         return sum(self.sizes(part))
@@ -85,12 +92,10 @@ class FreeAir:
     def sizes(self, part: Wing | LiftingSurface) -> list[int]:
         """Number of states of each pole of lag and entry."""
         lag, entry = map(len, self.poles)
-        if isinstance(part, LiftingSurface):
-            return [1] * (lag + entry)
-        if part.strips is None:
+        states = self.states(part)
+        if states is None:
             return []
-        parts = state_parts(part.strips, self.lag, self.entry)
-        return [parts.of_lag.values.shape[1]] * lag + [parts.of_entry.values.shape[1]] * entry
+        return [states.of_lag.values.shape[1]] * lag + [states.of_entry.values.shape[1]] * entry
 
     @property
     def poles(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

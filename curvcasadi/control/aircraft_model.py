@@ -8,7 +8,6 @@ from typing import Any, NamedTuple, TypeAlias
 
 import casadi as ca
 
-from curvcasadi.aero.air_states import state_parts
 from curvcasadi.aero.gust import GustEntry, GustField
 from curvcasadi.aero.induced import LiftingLine
 from curvcasadi.aero.lag_states import IndicialLag
@@ -24,9 +23,10 @@ from curvcasadi.aircraft.flight_equations import (
 from curvcasadi.aircraft.free_air import FreeAir
 from curvcasadi.aircraft.free_flight import STANDARD_GRAVITY, free_momenta
 from curvcasadi.aircraft.free_motion import offsets_of
-from curvcasadi.aircraft.parts import Aircraft
+from curvcasadi.aircraft.parts import Aircraft, LiftingSurface, Wing
 from curvcasadi.beam.along import scalar
 from curvcasadi.control.bending import element_angles
+from curvcasadi.control.damping import damping_matrix
 from curvcasadi.control.flight_outputs import Chosen, chosen, flight_outputs, output_names
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
@@ -35,6 +35,7 @@ from curvcasadi.lie import quaternion
 from curvcasadi.statics.energy import stiffness_matrix
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
+    Number,
     choice,
     function_name,
     instance,
@@ -64,7 +65,7 @@ def aircraft_model(
     gravity: float = STANDARD_GRAVITY,
     lag: IndicialLag | None = LAG,
     induced_flow: LiftingLine | None = None,
-    damping: float = 0.0,
+    damping: Number | Mapping[str, Number] = 0.0,
     gust: Gust = None,
     entry: GustEntry = ENTRY,
     outputs: Sequence[str] | None = None,
@@ -110,8 +111,9 @@ def aircraft_model(
         Lag of the circulation; None for circulation that follows at once.
     induced_flow : LiftingLine or None
         A frozen lifting line of each wing, or none.
-    damping : float
-        Time β of stiffness-proportional damping of the wings, C = β S, s.
+    damping : float, array or mapping of str to either
+        The time β, s, of stiffness-proportional damping C = β S of the wings, or a matrix C (n, n)
+        for each of them, as `modal_damping` makes it; or these by the name of the wing.
     gust : GustEntry, GustField, function of time, or None
         With a `GustEntry` p["gust"] is an upward gust, m/s, the same everywhere. A `GustField` is
         met by every strip where it is, at p["time"], s; a function of time such as
@@ -143,7 +145,7 @@ def aircraft_model(
     optional("lag", lag, IndicialLag)
     optional("induced_flow", induced_flow, LiftingLine)
     instance("entry", entry, GustEntry)
-    beta = float(positive("damping", damping, zero=True))
+    matrix = _damping(aircraft, damping)
     gusts = _gusts(gust, entry)
     equations = flight_equations(
         aircraft, _air(density, lag, gusts, induced_flow), number("gravity", gravity), name
@@ -157,10 +159,10 @@ def aircraft_model(
         u=u,
         p=p,
         y=wanted.layout,
-        motion=_motion(name, equations, x, u, symbols, gusts, beta),
+        motion=_motion(name, equations, x, u, symbols, gusts, matrix),
         output=ca.Function(f"{name}_nothing", [*symbols.values()], [ca.MX(0, 1)]),
         real=aircraft.beams[0].beam.grid.real,
-        spans=_spans(aircraft, equations, lag, gusts),
+        spans=_spans(aircraft, equations),
     )
     rates = model.xdot(*symbols.values()) if wanted.accelerated else ca.MX(x.size, 1)
     y = flight_outputs(
@@ -229,16 +231,31 @@ def _gusts(gust: Gust, entry: GustEntry) -> _Gusts:
     return _Gusts(entry, time, lambda position, p: ca.vertcat(0, 0, -scalar("gust", gust(p))))
 
 
-def _spans(
-    aircraft: Aircraft, equations: FlightEquations, lag: IndicialLag | None, gusts: _Gusts
-) -> dict[str, tuple[Span, ...]]:
+def _damping(aircraft: Aircraft, damping: Number | Mapping[str, Number]) -> ca.DM:
+    """C of the velocities, (6 + n, 6 + n)."""
+    names = [wing.name for wing in aircraft.beams]
+    if not isinstance(damping, Mapping):
+        damping = dict.fromkeys(names, damping)
+    if set(damping) != set(names):
+        raise ValueError(f"damping: expected the wings {names}, found {sorted(damping)}")
+    blocks = [ca.DM(6, 6)]
+    for wing in aircraft.beams:
+        value, n = numeric("damping", damping[wing.name]), wing.beam.basis.n
+        made = damping_matrix(value, n, ca.DM(stiffness_matrix(wing.beam)))
+        blocks.append(ca.evalf(made))
+    return ca.DM(ca.sparsify(ca.diagcat(*blocks)))
+
+
+def _spans(aircraft: Aircraft, equations: FlightEquations) -> dict[str, tuple[Span, ...]]:
     """Functions along the span of the wings' weights and of the states of the air."""
     found: dict[str, tuple[Span, ...]] = {}
     for wing in aircraft.beams:
         found |= curvature_spans(wing.beam.basis, wing.name)
-    for part in aircraft.beams:
-        if part.name in equations.states and part.strips is not None:
-            found[f"lag_{part.name}"] = air_spans(state_parts(part.strips, lag, gusts.entry))
+    parts: list[Wing | LiftingSurface] = [*aircraft.beams, *aircraft.surfaces]
+    for part in parts:
+        states = None if equations.air is None else equations.air.states(part)
+        if states is not None and states.size:
+            found[f"lag_{part.name}"] = air_spans(states)
     return found
 
 
@@ -283,7 +300,7 @@ def _motion(
     u_layout: Layout,
     symbols: Mapping[str, ca.MX],
     gusts: _Gusts,
-    beta: float,
+    damping: ca.DM,
 ) -> SecondOrder:
     """The equations of motion as the integrators take them."""
     aircraft = equations.aircraft
@@ -300,7 +317,7 @@ def _motion(
     mass = flight_mass(equations, state.q)
     omega, linear, rates = ca.vertsplit(velocity, [0, 3, 6, ends[-1]])
     rate = ca.vertcat(omega, state.attitude @ linear, rates)
-    matrices = [mass, ca.densify(beta * stiffness), ca.densify(stiffness)]
+    matrices = [mass, ca.densify(damping), ca.densify(stiffness)]
     momenta = None
     if equations.air is None:
         found = free_momenta(aircraft, ca.vertcat(*state.q.values()), velocity)
@@ -318,7 +335,7 @@ def _motion(
         balance=ca.Function(
             f"{name}_balance",
             [x, a, u, p],
-            [left.stacked + beta * (stiffness @ velocity), left.rates],
+            [left.stacked + damping @ velocity, left.rates],
             ["x", "acceleration", "u", "p"],
             ["balance", "other_rates"],
         ),

@@ -11,6 +11,7 @@ import casadi as ca
 from curvcasadi.beam.beam import Beam
 from curvcasadi.control.bending import element_angles
 from curvcasadi.control.damping import damping_matrix
+from curvcasadi.control.idle import refuse_idle
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
 from curvcasadi.control.spans import curvature_spans
@@ -109,8 +110,8 @@ def beam_model(
     Raises
     ------
     ValueError
-        If a symbol is neither an input nor a parameter, there are fewer masses than weights, or as
-        `inverse_dynamics`.
+        If a symbol is neither an input nor a parameter, an input or a parameter stands nowhere,
+        there are fewer masses than weights, or as `inverse_dynamics`.
     """
     n = instance("beam", beam, Beam).basis.n
     wanted = [choice("outputs", key, OUTPUTS) for key in sequence("outputs", outputs)]
@@ -126,7 +127,10 @@ def beam_model(
     stiffness = ca.MX(ca.densify(stiffness_matrix(beam)))
     matrix = damping_matrix(damping, n, stiffness)
     force = inverse_dynamics(beam, q, q_dot, q_ddot, loads) + matrix @ q_dot
-    check_invertible(system.build(beam, loads, None, {"q": q}))
+    built = system.build(beam, loads, None, {"q": q})
+    check_invertible(built)
+    for argument, named in (("inputs", inputs), ("parameters", parameters)):
+        refuse_idle(argument, named, built, [matrix])
     matrices = [ca.MX(ca.densify(mass_matrix(beam, q, loads))), matrix, stiffness]
     _refuse_unnamed(force, [*states, *symbols.values()], "an input or a parameter")
     for value in matrices:

@@ -20,6 +20,7 @@ from curvcasadi.beam.along import scalar
 from curvcasadi.beam.pose import Pose
 from curvcasadi.control.beam_model import CURVATURE_STATIONS
 from curvcasadi.control.bending import element_angles
+from curvcasadi.control.idle import refuse_idle
 from curvcasadi.control.model import ControlModel
 from curvcasadi.control.second_order import second_order_model
 from curvcasadi.control.spans import air_spans, curvature_spans
@@ -32,12 +33,14 @@ from curvcasadi.control.wing_outputs import (
     output_function,
     output_layout,
 )
+from curvcasadi.dynamics import system
 from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.symbolic.expressions import (
     Number,
     choice,
     function_name,
     instance,
+    is_numeric,
     optional,
     positive,
     refuse_repeated,
@@ -126,9 +129,9 @@ def wing_model(
     Raises
     ------
     ValueError
-        For symbols in the wing that are no parameters, a gust that is no `GustEntry` (its course is
-        p["gust"] of a simulation), a density of zero with lag states, lag
-        functions that the aerodynamic stations do not resolve, and unknown outputs.
+        For symbols in the wing that are no parameters, parameters that stand nowhere, a gust that
+        is no `GustEntry` (its course is p["gust"] of a simulation), a density of zero with lag
+        states, lag functions that the aerodynamic stations do not resolve, and unknown outputs.
     """
     instance("wing", wing, Wing)
     strips = wing.strips
@@ -174,6 +177,9 @@ def wing_model(
         pose=Pose(rotation=attitude, position=ca.DM.zeros(3)), gravity=[0, 0, gravity]
     )
     forces = forces_function(f"{name}_forces", wing, load, symbols, root)
+    if design:
+        built = system.build(beam, [load, *wing.loads], root, {"q": ca.MX.sym("q", n)})
+        refuse_idle("parameters", design, built, [] if is_numeric(damping) else [damping])
 
     x = Layout(
         (

@@ -85,7 +85,7 @@ def export_fmu(
     ValueError
         If an argument has a wrong size or name, or the model has a part that is no C.
     FileNotFoundError
-        If there is no such compiler.
+        If there is no such folder, or no such compiler.
     """
     instance("model", model, ControlModel)
     choice("method", method, get_args(Method))
@@ -93,6 +93,10 @@ def export_fmu(
     path = Path(path)
     if path.suffix != ".fmu":
         raise ValueError(f"path: expected a file that ends with .fmu, found {str(path)!r}")
+    if not path.parent.is_dir():
+        raise FileNotFoundError(
+            f"path: expected a file in an existing folder, found no folder {path.parent}"
+        )
     name = function_name("model.name", model.name)
     longest = float(positive("dt", dt))
     parts = {part.name for part in model.p.parts}

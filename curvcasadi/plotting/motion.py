@@ -13,6 +13,8 @@ from curvcasadi.symbolic.expressions import instance, sequence
 
 #: What the components of a vector are called.
 _COMPONENTS = ("x", "y", "z")
+#: Outputs of `beam_model` and `kinematic_model` that are those of the tip.
+OF_TIP = ("position", "rotation")
 
 
 def plot_motion(
@@ -52,7 +54,7 @@ def plot_motion(
         colors = AXIS_COLORS if vector else [f"C{i % 10}" for i in range(len(rows))]
         for label, color, row in zip(labels, colors, rows, strict=True):
             axes.plot(simulation.t, row, color=color, linewidth=1.2, label=label)
-        axes.set_ylabel(f"{name.replace('_', ' ')} [{_unit(simulation, name)}]")
+        axes.set_ylabel(f"{_name(simulation, name)} [{_unit(simulation, name)}]")
         axes.grid(color="0.9")
         if len(rows) > 1:
             axes.legend(
@@ -63,6 +65,13 @@ def plot_motion(
     if title:
         figure.suptitle(title, fontsize="medium")
     return figure
+
+
+def _name(simulation: Simulation, name: str) -> str:
+    """A part in words: outputs of a beam without a place are those of its tip."""
+    outputs = {part.name for part in simulation.model.y.parts}
+    words = name.replace("_", " ")
+    return f"tip {words}" if name in outputs and name in OF_TIP else words
 
 
 def _unit(simulation: Simulation, name: str) -> str:

@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 import curvcasadi as cc
 from curvcasadi.lie import quaternion
 from curvcasadi.reference_wings import hale_wing
+from curvcasadi.statics.energy import stiffness_matrix
 
 
 @pytest.fixture(scope="module")
@@ -99,6 +100,50 @@ def test_the_variational_rule_needs_momenta():
     beam = cc.beam_model(hale_wing(torsion=1, out_of_plane=1, in_plane=1))
     with pytest.raises(ValueError, match=r"'variational' needs a model with momenta, .*'beam'"):
         cc.simulate(beam, {}, [0, 1], method="variational")
+
+
+def test_wings_are_damped_as_those_of_a_wing_model(aircraft):
+    """One β, a matrix for each wing, or either by name: the force on the weights is C q_dot."""
+    rng, wings = np.random.default_rng(2), aircraft.beams
+    stiffness = ca.DM(stiffness_matrix(wings[0].beam)).full()
+    modal = cc.modal_damping(wings[0].beam, [0.02, 0.05])
+    expected = {
+        0.003: (0.003 * stiffness, 0.003 * stiffness),
+        "matrix": (modal, modal),
+        "names": (modal, 0.003 * stiffness),
+    }
+    given = {0.003: 0.003, "matrix": modal, "names": {"right": modal, "left": 0.003}}
+    still = cc.aircraft_model(aircraft, density=0, outputs=())
+    x, a = rng.normal(size=still.x.size), np.zeros(14)
+    x[:4] = [1, 0, 0, 0]
+    before = still.second_order.balance(x, a, [], [])[0].full().ravel()
+    rates = [x[still.x.slices[f"q_dot_{wing.name}"]] for wing in wings]
+    for key, matrices in expected.items():
+        damped = cc.aircraft_model(aircraft, density=0, damping=given[key], outputs=())
+        after = damped.second_order.balance(x, a, [], [])[0].full().ravel()
+        forces = [matrix @ rate for matrix, rate in zip(matrices, rates, strict=True)]
+        assert_allclose(after - before, np.r_[np.zeros(6), *forces], atol=1e-9)
+        found = damped.second_order.matrices(x, [])[1].full()
+        assert_allclose(found[6:10, 6:10], matrices[0], rtol=1e-12, atol=1e-12)
+        assert_allclose(found[10:, 10:], matrices[1], rtol=1e-12, atol=1e-12)
+        assert not np.any(found[:6]) and not np.any(found[6:10, 10:])
+
+
+@pytest.mark.parametrize(
+    ("damping", "message"),
+    [
+        (-1.0, "damping: expected a time of at least zero"),
+        (np.eye(3), r"damping: expected a number or a matrix \(4, 4\), found \(3, 3\)"),
+        (-np.eye(4), "damping: expected a matrix that takes energy out"),
+        ({"right": 0.1}, r"damping: expected the wings \['right', 'left'\], found \['right'\]"),
+        ({"right": 0.1, "left": 0.1, "tail": 0.1}, "damping: expected the wings"),
+        (np.nan, "damping: expected finite"),
+        (ca.MX.sym("beta"), "damping: expected numbers, found the symbol beta"),
+    ],
+)
+def test_wrong_damping_is_named(aircraft, damping, message):
+    with pytest.raises(ValueError, match=message):
+        cc.aircraft_model(aircraft, density=0, damping=damping, outputs=())
 
 
 @pytest.mark.parametrize(

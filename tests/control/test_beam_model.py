@@ -210,6 +210,11 @@ def test_energy_is_kept_by_the_implicit_midpoint_rule(wing):
             {"inputs": {"f": ca.MX.sym("f")}, "parameters": {"f": ca.MX.sym("f")}},
             r"parameters: expected names other than inputs', found 'f'",
         ),
+        (
+            {"inputs": {"f": ca.MX.sym("f")}},
+            r"inputs: expected symbols .* 'f', which acts",
+        ),
+        ({"parameters": {"m": ca.MX.sym("m")}}, r"parameters: expected symbols .* 'm', which acts"),
         ({"damping": -1.0}, r"damping: expected a time of at least zero"),
         ({"damping": np.eye(3)}, r"damping: expected a number or a matrix \(6, 6\)"),
         ({"damping": -np.eye(6)}, r"damping: expected a matrix that takes energy out"),
@@ -222,6 +227,20 @@ def test_energy_is_kept_by_the_implicit_midpoint_rule(wing):
 def test_wrong_arguments_are_refused_by_name(wing, arguments, message):
     with pytest.raises(ValueError, match=message):
         cc.beam_model(wing, **arguments)
+
+
+def test_symbols_act_wherever_they_stand(wing):
+    f, g, h = (ca.MX.sym(name, 3) for name in "fgh")
+    beta, length, mass = (ca.MX.sym(name) for name in ("beta", "length", "mass"))
+    beam = replace(wing, length=length, section=replace(wing.section, mass_per_length=mass))
+    loads = [
+        cc.PointForce(0.0, f),  # at the root: the reactions alone
+        cc.Gravity(g),
+        cc.DistributedForce(h),
+    ]
+    parameters = {"beta": beta, "length": length, "mass": mass, "g": g, "h": h}
+    model = cc.beam_model(beam, loads, {"f": f}, parameters, beta, outputs=["position"])
+    assert [part.name for part in (*model.u.parts, *model.p.parts)] == ["f", *parameters]
 
 
 def test_an_input_in_the_section_is_refused(wing):

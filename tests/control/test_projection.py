@@ -7,9 +7,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 import curvcasadi as cc
+from tests.support.flying_aircraft import DENSITY, aircraft
 from tests.support.strip_wings import hale
 
 RNG = np.random.default_rng(3)
+GUST = cc.GustEntry(modes=3)
 
 
 def model(weights, lag, gust=None):
@@ -67,3 +69,23 @@ def test_a_model_with_states_that_the_plant_has_not_is_refused():
     wing = cc.kinematic_model(hale((2, 3, 0), 4).beam, time_constant=1.0)
     with pytest.raises(ValueError, match="model: expected parts of the plant's state, q, found"):
         cc.project_state(wing, np.zeros(5), COARSE)
+
+
+def test_states_of_surfaces_follow_poles_as_those_of_wings():
+    lags = {poles: cc.IndicialLag(poles=poles, modes=3) for poles in (2, 4)}
+    models = {
+        poles: cc.aircraft_model(
+            aircraft((1, 1, 1)), density=DENSITY, lag=lag, gust=GUST, outputs=()
+        )
+        for poles, lag in lags.items()
+    }
+    # On the tail one state for a pole, then those of the entry into a gust.
+    entry = [5.0, 6.0]
+    x = {"lag_tail": [1.0, 2.0, 3.0, 4.0, *entry], "position": [1.0, 2.0, 3.0]}
+    found = models[2].x.split(cc.project_state(models[4], x, models[2]))
+    rates = [np.log(lags[poles].rates) for poles in (2, 4)]
+    expected = np.interp(*rates, [1.0, 2.0, 3.0, 4.0])
+    assert_allclose(found["lag_tail"].full().ravel(), [*expected, *entry], rtol=1e-12)
+    assert_allclose(found["position"].full().ravel(), [1, 2, 3])
+    again = cc.project_state(models[4], x, models[4])
+    assert_allclose(again[models[4].x.slices["lag_tail"]], x["lag_tail"], rtol=1e-12)

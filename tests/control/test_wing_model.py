@@ -327,6 +327,7 @@ GUST = cc.OneMinusCosine(amplitude=1.0, duration=1.0)
         ({"lag": 3}, "lag: expected an IndicialLag, found 3"),
         ({"gust": GUST}, "gust: expected a GustEntry, found OneMinusCosine"),
         ({"gravity": np.nan}, "^gravity: expected finite"),
+        ({"parameters": {"m": ca.MX.sym("m")}}, "parameters: expected symbols .* 'm', which acts"),
         ({"outputs": "root_moment"}, "outputs: expected a sequence, found 'root_moment'"),
     ],
 )

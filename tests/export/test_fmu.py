@@ -176,5 +176,7 @@ def test_wrong_arguments_are_refused(pendulum, tmp_path):
     ):
         with pytest.raises((ValueError, FileNotFoundError), match=message):
             cc.export_fmu(model, path, **{"dt": 0.01, **changed})
+    with pytest.raises(FileNotFoundError, match=r"path: .* found no folder .*no"):
+        cc.export_fmu(model, tmp_path / "no" / "model.fmu", dt=0.01)
     with pytest.raises(ValueError, match=r"path: expected a file that ends with .fmu"):
         cc.export_fmu(model, tmp_path / "model.zip", dt=0.01)

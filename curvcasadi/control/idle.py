@@ -27,7 +27,8 @@ def refuse_idle(
     others : sequence of numbers or expressions
         What else they may stand in.
     """
-    loads = (data for station in built.loads for _, data in station)
+    loads = [data for station in built.loads for _, data in station]
+    loads += [data for coupled in built.couplings for data in (coupled.data, *coupled.own)]
     fields = [stiffness_matrix(built.beam), *built.beam.design_symbols.values()]
     used = ca.veccat(*loads, *built.inertias.data, built.parent.gravity, *fields, *others)
     for name, symbol in symbols.items():

@@ -85,10 +85,14 @@ class Course:
         return self.value(k, t)
 
 
+def is_clock(layout: Layout) -> bool:
+    """Whether one of the parts is the time."""
+    return any(part.name == "time" and part.unit == "s" for part in layout.parts)
+
+
 def with_time(layout: Layout, value: Signal) -> Signal:
     """Parameters whose part "time", s, is the time, unless they say otherwise."""
-    clock = any(part.name == "time" and part.unit == "s" for part in layout.parts)
-    if not clock or not (value is None or isinstance(value, Mapping)):
+    if not is_clock(layout) or not (value is None or isinstance(value, Mapping)):
         return value
     given = {} if value is None else value
     return {"time": lambda time: time, **given}

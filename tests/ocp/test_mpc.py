@@ -649,3 +649,15 @@ def test_a_pickle_goes_on_where_the_controller_was():
     assert_allclose(other.fallback().u, planned, rtol=0)
     assert_allclose(fresh.fallback().u, mpc.u_trim, rtol=0)
     assert np.abs(planned).max() > 1e-3
+
+
+def test_the_time_goes_on_over_the_stages():
+    parts = {"x": [Part("place", 1, "m")], "u": [Part("speed", 1, "m/s")]}
+    parts |= {"p": [Part("time", 1, "s")], "y": [Part("way", 1, "m")]}
+    tide = model("tide", parts, lambda x, u, p: u + ca.sin(5 * p), lambda x, u, p: x)
+    mpc = cc.Mpc(tide, dt=DT, horizon=5, outputs={"way": 1.0}, inputs={"speed": 1e-3})
+    found = mpc.step([1.0], {"time": 0.3}).plan
+    middles = 0.3 + DT * np.array([0.5, 1.5, 2.5, 3.5, 4.5])
+    mpc.reset()
+    assert_allclose(mpc.step([1.0], preview={"time": middles}).plan, found, rtol=0)
+    assert np.ptp(np.sin(5 * middles)) > 0.1

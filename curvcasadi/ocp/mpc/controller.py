@@ -307,7 +307,8 @@ class Mpc:
             State. Parts that a mapping leaves out are zero, attitudes the identity.
         p : array, shape (np,), or mapping of str to array, optional
             Parameters over the whole horizon. Those that the model has a nominal value of, such as
-            gusts, may be left out; others, such as the airspeed, may not.
+            gusts, may be left out; others, such as the airspeed, may not. A part "time", s, is that
+            of now, and every stage takes that of its middle.
         reference : mapping of str to array, optional
             By name of an output, state or input with a weight: values, or columns, one for the end
             of each stage; a rotation as a matrix (3, 3), or columns (9, N). Zero unless given, for
@@ -400,7 +401,7 @@ class Mpc:
             raise ValueError(f"x: expected the state ({_listed(self.model.x)}), found None")
         return [
             stacked("x", self.model.x, x)[:, None],
-            signals.parameters(self.model.p, p, preview, self.horizon),
+            signals.parameters(self.model.p, p, preview, self.horizon, self.dt),
             self._plan.applied[:, None],
             signals.references(self._problem, self._at_rest, reference),
             self._plan.inputs,

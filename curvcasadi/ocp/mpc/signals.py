@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from curvcasadi.control.signals import stacked
+from curvcasadi.control.signals import is_clock, stacked
 from curvcasadi.ocp.mpc.problem import MpcProblem
 from curvcasadi.ocp.mpc.terms import Penalty
 from curvcasadi.symbolic.expressions import Array, Number, instance, numbers, rotation_matrix
@@ -17,8 +17,10 @@ from curvcasadi.symbolic.layout import Layout, Part
 _LENGTH = 5e-3
 
 
-def parameters(layout: Layout, p: Any, preview: Mapping[str, Number], horizon: int) -> Array:
-    """(np, N) parameters of the stages: previewed, given, or nominal.
+def parameters(
+    layout: Layout, p: Any, preview: Mapping[str, Number], horizon: int, dt: float
+) -> Array:
+    """(np, N) parameters of the stages: previewed, given, or nominal; the time goes on.
 
     Raises
     ------
@@ -43,6 +45,8 @@ def parameters(layout: Layout, p: Any, preview: Mapping[str, Number], horizon: i
         nominal = {key: np.broadcast_to(value, sizes[key]) for key, value in known.items()}
         given = {**nominal, **given}
     values = np.tile(stacked("p", layout, given)[:, None], horizon)
+    if is_clock(layout):
+        values[layout.slices["time"]] += dt * (np.arange(horizon) + 0.5)
     for key, value in preview.items():
         part = _known("preview", layout.parts, key)
         values[layout.slices[key]] = _columns(f"preview[{key!r}]", part, value, horizon)

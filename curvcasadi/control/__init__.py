@@ -26,6 +26,7 @@ from curvcasadi.control.linearize import LinearModel, linearize
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.peaks import Peak, gust_peak, response_peak
 from curvcasadi.control.projection import project_state
+from curvcasadi.control.readings import readings_function
 from curvcasadi.control.response import frequency_response, power_spectrum, rms_in_turbulence
 from curvcasadi.control.second_order import second_order_model
 from curvcasadi.control.simulation import Simulation, simulate
@@ -67,6 +68,7 @@ __all__ = [
     "modes_table",
     "power_spectrum",
     "project_state",
+    "readings_function",
     "response_peak",
     "retract",
     "rk4_step",

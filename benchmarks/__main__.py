@@ -26,6 +26,7 @@ from benchmarks import (
     flight,
     flutter,
     generated_c,
+    loops,
     model_estimation,
     motion,
     parallel,
@@ -76,6 +77,7 @@ COUNTED: tuple[Section, ...] = (
     predictive.regulator,
     predictive.endless,
     alleviation.from_sensors,
+    loops.suppression,
     tracking.chosen,
     qp.programs,
     qp.steps,
@@ -98,6 +100,7 @@ TIMED: tuple[Section, ...] = (
     motion.times,
     predictive.times,
     predictive.programs,
+    loops.attitudes,
     waiting.ratios,
 )
 

@@ -25,7 +25,7 @@ from curvcasadi.reference_wings import hale_wing
 AIRSPEED, PITCH, DENSITY = 20.0, np.radians(3.0), 0.0889
 GUST = cc.OneMinusCosine(amplitude=2.0, duration=1.5, start=0.25)
 DT, HORIZON, END = 0.05, 20, 4.0
-FINE, LAG = 1e-3, 0.02  # s: step of the plant, lag of the actuators
+FINE, SAMPLE, LAG = 1e-3, 0.01, 0.02  # s: of the plant, of what is shown; of the actuators
 MOMENT, DEFLECTION, MOVE = 1 / 50**2, 0.02, 0.05  # weights
 LQR_DEFLECTION = 30.0  # with less the law asks for more than the flaps can do
 SPEEDS = np.arange(20.0, 33.0, 2.0)
@@ -79,32 +79,29 @@ class Plant:
 
     def __init__(self):
         self.model = wing_model("plant", **PLANT)
-        self.step = cc.compile_function(cc.step_function(self.model, FINE), derivatives=0)
-        self.output = cc.compile_function(self.model.output, derivatives=0)
+        functions = (cc.rk4_step(self.model, FINE), self.model.output)
+        self.step, self.output = map(cc.compile_batch, functions)
         flutter = cc.flutter(self.model, SPEEDS, p={"pitch": PITCH})
         if flutter.speed is not None and flutter.speed < 1.1 * AIRSPEED:
             raise ValueError(f"AIRSPEED: expected well below flutter at {flutter.speed:.1f} m/s")
         self.trim = flutter.equilibria[list(SPEEDS).index(AIRSPEED)]
 
-    def moment(self, x, flaps, gust):
-        """Moment that bends the root upward, N m."""
-        return -float(self.output(x, flaps, parameters(gust))[1])
-
     def fly(self, control, flaps):
         """Times, moments, commands (2, T) and weights while `control` gives the input from t, x."""
-        x, at, log = self.trim, np.zeros(2), []
-        for k in range(round(END / DT)):
-            u = control(k * DT, x)
-            for j in range(round(DT / FINE)):
-                t = k * DT + j * FINE
-                most = flaps.rates * FINE
-                at = at + np.clip((u - at) * FINE / LAG, -most, most)
-                if j % 10 == 0:
-                    moment = self.moment(x, at, float(GUST(t)))
-                    log.append((t, moment, *at, *x[: self.model.x.slices["q"].stop]))
-                x = self.step(x, at, parameters(float(GUST(t + FINE / 2))))[0].full().ravel()
-        times, moments, inner, outer, *weights = np.array(log).T
-        return times, moments, np.array([inner, outer]), np.array(weights)
+        loop = cc.closed_loop(
+            self.step,
+            [self.trim],
+            lambda t, states, applied: [control(t, states[0])],
+            SAMPLE * np.arange(round(END / SAMPLE)),
+            substeps=round(SAMPLE / FINE),
+            actuators=cc.Actuators(lag=LAG, rate=flaps.rates),
+            p=lambda t: parameters(float(GUST(t))),
+            u=np.zeros(2),
+            every=round(DT / SAMPLE),
+        )
+        x, u, p = loop.x[:, 0], loop.u[:, 0], loop.p[:, 0]
+        moments = -self.output(x, u, p)[:, 1]  # they bend the root upward
+        return loop.t, moments, u.T, x[:, self.model.x.slices["q"]].T
 
 
 def lqr(plant, model, trim, flaps):

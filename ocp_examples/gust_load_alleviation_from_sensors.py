@@ -33,8 +33,8 @@ VARIED, SPEED = {"GJ": 0.1, "EI": 0.1, "mass": 0.05}, 1.0  # largest changes, re
 MOMENT, DEFLECTION, MOVE = 1 / 50**2, 0.02, 0.05  # weights
 MODEL = {"weights": (3, 3, 1), "elements": 6, "modes": 3, "entry": 1}
 PLANT = {"weights": (4, 5, 3), "elements": 10, "modes": None, "entry": None}
-NOISE = {"q_dot": 0.05, "lag": 0.2, "gust": 1.5}  # densities that drive the filter's process
-START = {"q": 0.003, "q_dot": 0.02, "lag": 0.3, "gust": 0.5}
+NOISE = {"q_dot": 0.05, "lag": 0.2, "gust": 1.5, "airspeed": 0.02}  # drive the filter's process
+START = {"q": 0.003, "q_dot": 0.02, "lag": 0.3, "gust": 0.5, "airspeed": 1.0}  # deviations
 SETS = {  # largest angles of the inner and the outer flap, rad, and rates, rad/s
     "small flaps": np.radians([[0.0, 10.0], [40.0, 40.0]]),
     "large flaps": np.radians([[15.0, 15.0], [60.0, 60.0]]),
@@ -97,14 +97,11 @@ class Plant:
 
     def __init__(self, seeds):
         factors = {name: ca.MX.sym(name) for name in VARIED}
-        self.beam, self.model = beam, model = wing_model("plant", **PLANT, factors=factors)
-        x, u, p = (ca.MX.sym(k, size) for k, size in (("x", model.x.size), ("u", 2), ("p", 6)))
-        q, q_dot = (x[model.x.slices[key]] for key in ("q", "q_dot"))
-        q_ddot = model.xdot(x, u, p)[model.x.slices["q_dot"]]
-        readings = cc.measure(SENSORS, beam, q, q_dot, q_ddot, ROOT)
-        read = ca.Function("read", [x, u, p], [readings.values], {"cse": True})
-        self.noise, self.read = readings.noise, cc.compile_batch(read)
-        self.step, self.output = map(cc.compile_batch, (cc.rk4_step(model, FINE), model.output))
+        beam, model = wing_model("plant", **PLANT, factors=factors)
+        read = cc.readings_function(model, beam, SENSORS, root=ROOT)
+        functions = (cc.rk4_step(model, FINE), read, model.output)
+        self.model = model
+        self.step, self.read, self.output = map(cc.compile_batch, functions)
         draws = np.array([np.random.default_rng(seed).uniform(-1, 1, 4) for seed in seeds])
         self.factors = 1 + draws[:, :3] * [*VARIED.values()]
         self.airspeed = AIRSPEED + SPEED * draws[:, 3:]
@@ -137,19 +134,31 @@ class Plant:
         return loop.t, Flights(moments, loop.u, loop.estimates[:, :, gust], weights)
 
 
-def observer(beam, model, flights):
-    """A filter for each flight, which estimates the gust, too."""
+def make_filter(beam, model, kind):
+    """A filter that estimates the gust, too, and with preview of it the airspeed."""
+    estimated = {"gust": None, "airspeed": None} if kind == "known" else {"gust": None}
+    parts = {"q_dot", "lag", *estimated}
     process = cc.ModelProcess(
-        model=model, density=NOISE, estimated={"gust": None}, acceleration=0.2
+        model=model,
+        density={part: NOISE[part] for part in parts},
+        estimated=estimated,
+        acceleration=0.2,
     )
     ekf = cc.shape_ekf(beam, SENSORS, process=process, root=ROOT, recovery=10)
     rest = trim(model, AIRSPEED)
-    start = ekf.initial(START, {k: rest[where] for k, where in model.x.slices.items()})
-    return cc.DelayedFilter(ekf, start, dt=SAMPLE, delay=LATE, lanes=flights, p=[AIRSPEED, PITCH])
+    mean = {part: rest[where] for part, where in model.x.slices.items()} | {"airspeed": AIRSPEED}
+    return ekf, ekf.initial(
+        {part: START[part] for part in {"q", *parts}},
+        {part: value for part, value in mean.items() if part in ekf.layout.slices},
+    )
 
 
-def controller(model, flaps, kind, flights):
-    """Real-time iterations, one every 50 ms, that keep the root moment of calm air."""
+def controller(model, parts, flaps, kind, flights):
+    """Real-time iterations, one every 50 ms, that keep the root moment of calm air.
+
+    `parts` are those of the estimates. What the model is wrong by looks like a gust in calm air,
+    which is expected to stay.
+    """
     names = [part.name for part in model.u.parts]
     mpc = cc.Mpc(
         model,
@@ -164,40 +173,47 @@ def controller(model, flaps, kind, flights):
     controllers, calm = [mpc.copy() for _ in range(flights)], []
 
     def control(time, estimates, applied):
-        x, gusts = estimates[:, : model.x.size], estimates[:, model.x.size]
-        known = [np.array([AIRSPEED, PITCH, gust]) for gust in gusts]
+        x, gusts = estimates[:, : model.x.size], estimates[:, parts["gust"]]
+        one = np.ones_like(gusts)
+        speeds = estimates[:, parts["airspeed"]] if "airspeed" in parts else AIRSPEED * one
+        known = np.hstack([speeds, PITCH * one, gusts])
         if time < -SAMPLE / 2:
             now = zip(x, applied, known, strict=True)
-            calm.append([model.output(*arguments).full().ravel() for arguments in now])
+            outputs = [model.output(*arguments).full().ravel() for arguments in now]
+            calm.append(np.hstack([outputs, gusts]))
             return 0 * applied
-        goals = np.mean(calm[len(calm) // 2 :], axis=0)
-        return [
-            each.step(state, p, {"root_moment": goal}, {"gust": expected(kind, time, p[2])}).u
-            for each, state, p, goal in zip(controllers, x, known, goals, strict=True)
-        ]
+        means = np.mean(calm[len(calm) // 2 :], axis=0)
+        commands = []
+        for each, state, p, goal in zip(controllers, x, known, means, strict=True):
+            preview = {"gust": expected(kind, time, p[2], goal[-1])}
+            commands.append(each.step(state, p, {"root_moment": goal[:-1]}, preview).u)
+        return commands
 
     return control
 
 
-def expected(kind, time, gust):
+def expected(kind, time, gust, calm):
     """The gust of each stage of the horizon that begins at `time`."""
     if kind == "known":
-        return np.array([float(GUST(time + DT * (k + 0.5))) for k in range(HORIZON)])
-    return np.full(HORIZON, gust if kind == "estimated" else 0.0)
+        middles = time + DT * (np.arange(HORIZON) + 0.5)
+        return calm + np.array([float(GUST(middle)) for middle in middles])
+    return np.full(HORIZON, gust if kind == "estimated" else calm)
 
 
-def simulate(seeds=range(FLIGHTS)):
+def simulate(seeds):
     """Times, and `Flights` by case: one flight of each case for each seed."""
     plant, (beam, model) = Plant(seeds), wing_model("model", **MODEL)
     times, rest = plant.fly(lambda time, x, applied: 0 * applied)
     found = {"open loop": rest}
     for name, (size, kind) in CASES.items():
-        flaps = SETS[size]
-        link = cc.SensorLink(noise=plant.noise, delay=LATE, loss=MISSING, seeds=seeds)
-        ekf = observer(beam, model, len(seeds))
-        control = controller(model, flaps, kind, len(seeds))
-        sensed = {"read": plant.read, "link": link, "observer": ekf}
-        found[name] = plant.fly(control, flaps[1], model.x.size, **sensed)[1]
+        flaps, (ekf, start) = SETS[size], make_filter(beam, model, kind)
+        parts = ekf.layout.slices
+        known = [PITCH] if "airspeed" in parts else [AIRSPEED, PITCH]
+        late = cc.DelayedFilter(ekf, start, dt=SAMPLE, delay=LATE, lanes=len(seeds), p=known)
+        link = cc.SensorLink(noise=ekf.channels.noise, delay=LATE, loss=MISSING, seeds=seeds)
+        control = controller(model, parts, flaps, kind, len(seeds))
+        sensed = {"read": plant.read, "link": link, "observer": late}
+        found[name] = plant.fly(control, flaps[1], parts["gust"].start, **sensed)[1]
     return times, found
 
 
@@ -229,7 +245,7 @@ def plot(times, found):
 
 
 def main(directory=Path("out"), animate=False):
-    times, found = simulate()
+    times, found = simulate(range(FLIGHTS))
     relief = changes(found)
     for name, change in relief.items():
         mean, worst = 100 * change.mean(), 100 * change.max()

@@ -226,21 +226,38 @@ def test_four_imus_know_the_shape_of_a_flapping_wing(tmp_path):
 
 
 def test_the_tip_turns_to_its_target_by_free_rates_and_by_flaps(tmp_path):
-    # The predictive controller takes long to compile, and its settling time is no claim here.
-    controllers = ("held deflections", "geometric law", "LQR")
-    errors, times = run("tip_attitude_tracking", tmp_path, CONTROLLERS=controllers)
+    errors, times = run(
+        "tip_attitude_tracking",
+        tmp_path,
+        MODEL={"weights": (2, 3, 1), "elements": 4, "poles": 2, "modes": 2},
+        PLANT={"weights": (2, 3, 1), "elements": 5, "poles": 2, "modes": None},
+        # The predictive controller takes long to compile, and its settling time is no claim here.
+        CONTROLLERS=("held deflections", "geometric law", "LQR"),
+        FINE=2e-3,
+        CALM=1.0,
+        FLIGHTS=2,
+    )
     assert len(errors) == 20 and errors[:, 0].max() > 110  # °
     assert np.all(errors[:, -1] < 0.2)
-    assert times["held deflections"] == [5.0, 5.0]  # not within 1° in this time
-    assert max(times["geometric law"]) < 2.5 and max(times["LQR"]) < 3.0
+    # Feedback is faster than the wing by itself.
+    for name in ("geometric law", "LQR"):
+        assert np.all(times[name] < 3.0)
+        assert np.all(times[name] < times["held deflections"] - 0.5)
     assert (tmp_path / "out" / "tip_attitude_tracking.png").exists()
 
 
 def test_flaps_suppress_flutter_above_its_speed(tmp_path):
-    ratio, rest, closed = run("flutter_suppression", tmp_path, SECONDS=6.0)
-    assert ratio == pytest.approx(1.2)
-    assert rest.max() > 1.0  # m, from 0.32: a limit cycle of the bent wing
-    assert closed.max() < 0.16 and closed[-1] < 0.02  # and still decaying
+    plant, found = run(
+        "flutter_suppression",
+        tmp_path,
+        PLANT={"weights": (3, 3, 1), "elements": 4, "poles": 2, "modes": None},
+        FLIGHTS=2,
+        SECONDS=6.0,
+    )
+    np.testing.assert_allclose(plant.speeds, 1.2 * plant.flutter)
+    rest, closed = (np.ptp(found[k].heights[-200:], axis=0) / 2 for k in found)
+    # The wings are displaced by 0.32 m: at rest a limit cycle of the bent wing remains.
+    assert np.all(rest > 0.25) and np.all(closed < 0.03)
     assert (tmp_path / "out" / "flutter_suppression.png").exists()
 
 

@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from curvcasadi.aircraft.balance import surface_points
+from curvcasadi.aircraft.flying_wash import wing_wash_function
 from curvcasadi.aircraft.flying_wing import wing_balance_function, wing_mass
 from curvcasadi.aircraft.free_air import (
     FreeAir,
@@ -23,6 +25,7 @@ from curvcasadi.aircraft.free_air import (
 )
 from curvcasadi.aircraft.free_motion import body_inertia, body_wrench, thrust_wrench
 from curvcasadi.aircraft.parts import Aircraft, LiftingSurface, Wing
+from curvcasadi.aircraft.symmetry import check_images
 from curvcasadi.dynamics import inertia
 from curvcasadi.dynamics.system import ParentMotion
 from curvcasadi.kinematics.pose_function import pose_function
@@ -73,6 +76,9 @@ class FlightEquations:
         Those of `flying_wing` by the name of the wing.
     surfaces : dict of str to Function
         `free_air.surface_function` of each surface in the air.
+    washes : dict of str to Function
+        `flying_wash.wing_wash_function` at the surfaces by the name of the wing; without induced
+        flow none.
     """
 
     aircraft: Aircraft
@@ -80,6 +86,7 @@ class FlightEquations:
     gravity: float
     balances: dict[str, ca.Function]
     surfaces: dict[str, ca.Function]
+    washes: dict[str, ca.Function]
 
     @property
     def states(self) -> dict[str, int]:
@@ -99,11 +106,19 @@ def flight_equations(
         wing.name: wing_balance_function(wing, air, f"{name}_{wing.name}")
         for wing in aircraft.beams
     }
-    surfaces = {}
+    surfaces, washes = {}, {}
     if air is not None:
+        check_images(aircraft, air.induced_flow)
         surfaces = {
             surface.name: surface_function(surface, air, f"{name}_surface_{k}")
             for k, surface in enumerate(aircraft.surfaces)
+        }
+    if air is not None and air.induced_flow is not None and aircraft.surfaces:
+        points = surface_points(aircraft)
+        washes = {
+            wing.name: wing_wash_function(wing, air, points, f"{name}_{wing.name}_wash")
+            for wing in aircraft.beams
+            if wing.strips is not None
         }
     return FlightEquations(
         aircraft=aircraft,
@@ -111,6 +126,7 @@ def flight_equations(
         gravity=gravity,
         balances=balances,
         surfaces=surfaces,
+        washes=washes,
     )
 
 
@@ -144,9 +160,10 @@ def unbalanced(
         residuals[key], needed[key], found = function(*arguments)
         wrench = wrench + needed[key]
         rates.append(found)
-    for surface in aircraft.surfaces:
+    washes = ca.horzsplit(_washes(equations, state, inputs))
+    for surface, wash in zip(aircraft.surfaces, washes, strict=True):
         if surface.name in equations.surfaces:
-            load, found = _of_surface(equations, surface, state, twist_rate, wind, inputs)
+            load, found = _of_surface(equations, surface, state, twist_rate, wind, wash, inputs)
             wrench = wrench - load
             rates.append(found)
     moving = [rate for rate in rates if rate.numel()]
@@ -185,12 +202,22 @@ def flight_mass(equations: FlightEquations, q: Mapping[str, AnyExpr]) -> AnyExpr
     return ca.densify(ca.vertcat(ca.horzcat(whole, coupling), ca.horzcat(coupling.T, weights)))
 
 
+def _washes(equations: FlightEquations, state: FlightState, inputs: Mapping[str, Any]) -> AnyExpr:
+    """Velocities (3, surfaces), m/s, body axes, that the wings induce at the rigid surfaces."""
+    total: AnyExpr = ca.DM.zeros(3, len(equations.aircraft.surfaces))
+    for key, function in equations.washes.items():
+        known = {"q": state.q[key], "twist": state.twist, "lag": state.lag.get(key), **inputs}
+        total = total + function(*(known[name] for name in function.name_in()))
+    return total
+
+
 def _of_surface(
     equations: FlightEquations,
     surface: LiftingSurface,
     state: FlightState,
     twist_rate: AnyExpr,
     wind: Wind | None,
+    wash: AnyExpr,
     inputs: Mapping[str, Any],
 ) -> tuple[AnyExpr, AnyExpr]:
     """Wrench on a surface, body axes, and the rates of its states."""
@@ -198,7 +225,7 @@ def _of_surface(
     gust = ca.DM.zeros(3) if wind is None else gusts_at(state, surface.pose.position, wind)
     deflections = [inputs[name] for name in surface.strips.inputs]
     function = equations.surfaces[surface.name]
-    wrench, rates = function(state.twist, twist_rate, lag, gust, *deflections)
+    wrench, rates = function(state.twist, twist_rate, lag, gust, wash, *deflections)
     return wrench, rates
 
 

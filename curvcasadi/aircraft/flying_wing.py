@@ -36,7 +36,7 @@ def wing_balance_function(wing: Wing, air: FreeAir | None, name: str) -> ca.Func
     body["gravity"] = ca.MX.sym("gravity", 3)
     if wing.loads:
         body["attitude"] = ca.MX.sym("attitude", 3, 3)
-    states, deflections = _symbols(wing, air)
+    states, deflections = air_symbols(wing, air)
     inputs = {**weights, **body, **states, **deflections}
     parent = system.ParentMotion(body["twist"], body["twist_rate"], body["gravity"])
     frame = body.get("attitude", ca.DM.eye(3))
@@ -104,7 +104,7 @@ def wing_loads(
     return [*airloads, *wing.loads]
 
 
-def _symbols(wing: Wing, air: FreeAir | None) -> tuple[dict[str, ca.MX], dict[str, ca.MX]]:
+def air_symbols(wing: Wing, air: FreeAir | None) -> tuple[dict[str, ca.MX], dict[str, ca.MX]]:
     """States of the air and the gust, where there are some, and deflections."""
     if air is None or wing.strips is None:
         return {}, {}

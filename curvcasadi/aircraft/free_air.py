@@ -112,14 +112,17 @@ def strip_points(part: Wing | LiftingSurface) -> tuple[float, ...]:
 
 
 def surface_function(surface: LiftingSurface, air: FreeAir, name: str) -> ca.Function:
-    """Airloads of a rigid surface: twist, twist_rate, lag, gust, deflections -> wrench, rates.
+    """Airloads of a rigid surface by its motion, its states and the air that it meets.
 
-    Twist and its rate are those of the body, the gust (3, 1) is in body axes; the wrench (moment,
-    force), (6, 1), is about the body origin in body axes, N m and N; rates are those of the states.
+    (twist, twist_rate, lag, gust, wash, deflections …) -> wrench, rates.
+    Twist and its rate are those of the body, gust and wash (3, 1), m/s, are in body axes; the wash
+    of the wings meets the surface as the wind does. The wrench (moment, force), (6, 1), is about
+    the body origin in body axes, N m and N; rates are those of the states.
     """
     formula = StripFormula.of(air.lag, air.entry)
     twist, rate = ca.SX.sym("twist", 6), ca.SX.sym("twist_rate", 6)
-    states, gust = ca.SX.sym("lag", formula.count), ca.SX.sym("gust", 3)
+    states = ca.SX.sym("lag", formula.count)
+    gust, wash = ca.SX.sym("gust", 3), ca.SX.sym("wash", 3)
     deflections = {key: ca.SX.sym(key) for key in surface.strips.inputs}
     strip = _surface_strip(surface, air, deflections).pack()
     rotation, position = surface.pose.rotation, surface.pose.position
@@ -128,12 +131,13 @@ def surface_function(surface: LiftingSurface, air: FreeAir, name: str) -> ca.Fun
     linear += ca.cross(twist[:3], ca.cross(twist[:3], position))
     acceleration = ca.vertcat(rotation.T @ rate[:3], rotation.T @ linear)
     direct = 1.0 - (0.0 if air.lag is None else float(np.sum(air.lag.amplitudes)))
-    vectors = ca.horzcat(ca.SX(3, 1), rotation.T @ gust)[:, : formula.vectors]
+    vectors = ca.horzcat(-rotation.T @ wash, rotation.T @ gust)[:, : formula.vectors]
     data = ca.vertcat(direct, sum(gained(air.lag, air.entry, states)), states, strip)
     values = formula(vectors, data, local, acceleration)
     force = rotation @ values[3:6]
     wrench = ca.vertcat(rotation @ values[:3] + ca.cross(position, force), force)
-    inputs = {"twist": twist, "twist_rate": rate, "lag": states, "gust": gust, **deflections}
+    inputs = {"twist": twist, "twist_rate": rate, "lag": states, "gust": gust, "wash": wash}
+    inputs |= deflections
     return ca.Function(
         name,
         [*inputs.values()],

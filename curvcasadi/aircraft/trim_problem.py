@@ -17,6 +17,7 @@ from curvcasadi.aircraft.balance import (
     wing_function,
 )
 from curvcasadi.aircraft.parts import Aircraft, Flight, Wing
+from curvcasadi.aircraft.symmetry import check_images
 from curvcasadi.beam.beam import numeric_length
 from curvcasadi.kinematics.pose_function import tip_function
 from curvcasadi.lie import so3
@@ -92,6 +93,7 @@ class TrimProblem:
         turning: bool = False,
     ) -> None:
         self.aircraft, self.induced_flow, self.turning = aircraft, induced_flow, turning
+        check_images(aircraft, induced_flow)
         self.names = (*MOTION, *aircraft.inputs)
         self.units = {**MOTION, **aircraft.inputs}
         wings = [wing.name for wing in aircraft.beams]

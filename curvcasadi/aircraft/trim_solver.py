@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.aero import AerodynamicLoad, Flow, LiftingLine, StripForces, strip_forces
+from curvcasadi.aero.induced import line_of_wing
 from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.aircraft.trim_case import Case, case_bounds, free_bounds
 from curvcasadi.aircraft.trim_problem import (
@@ -267,7 +268,7 @@ class TrimSolver:
                 strips=wing.strips,
                 flow=flow,
                 deflections=deflections,
-                induced_flow=self.problem.induced_flow,
+                induced_flow=line_of_wing(self.problem.induced_flow, wing.name),
             )
             found[wing.name] = strip_forces(wing.beam, q[wing.name], load)
         return found

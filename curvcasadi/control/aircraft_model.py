@@ -110,7 +110,8 @@ def aircraft_model(
     lag : IndicialLag or None
         Lag of the circulation; None for circulation that follows at once.
     induced_flow : LiftingLine or None
-        A frozen lifting line of each wing, or none.
+        A lifting line of each wing, which moves with it or is frozen at a shape, and whose
+        horseshoes also turn the air at the rigid surfaces, at once; or none.
     damping : float, array or mapping of str to either
         The time β, s, of stiffness-proportional damping C = β S of the wings, or a matrix C (n, n)
         for each of them, as `modal_damping` makes it; or these by the name of the wing.
@@ -137,8 +138,8 @@ def aircraft_model(
     Raises
     ------
     ValueError
-        If the density is below zero, or zero with a gust or a lag of its own; if a field holds a
-        symbol, or as `free_inverse_dynamics`.
+        If the density is below zero, or zero with a gust or a lag of its own; if a lifting line has
+        an image that a wing has not; if a field holds a symbol, or as `free_inverse_dynamics`.
     """
     instance("aircraft", aircraft, Aircraft)
     function_name("name", name)

@@ -7,9 +7,10 @@ import numpy as np
 
 from curvcasadi.aero.induced import LiftingLine
 from curvcasadi.aero.induced_load import plane_of
+from curvcasadi.aero.strip import StripAerodynamics
 from curvcasadi.aircraft.parts import Aircraft, Wing
 from curvcasadi.kinematics.shape import poses
-from curvcasadi.symbolic.expressions import Array, is_numeric
+from curvcasadi.symbolic.expressions import Array, instance, is_numeric
 
 #: Stations that are compared, and by how much they may differ, over the length of the beam.
 _COMPARED, _SAME = (0.0, 0.5, 1.0), 1e-6
@@ -43,8 +44,8 @@ def check_images(aircraft: Aircraft, line: LiftingLine | None) -> None:
 
 def _outline(wing: Wing) -> Array | None:
     """Quarter points and trailing edges of the unbent wing, (3, 6), m; None where symbols are."""
-    beam, strips, points = wing.beam, wing.strips, []
-    assert strips is not None
+    beam, points = wing.beam, []
+    strips = instance("Wing.strips", wing.strips, StripAerodynamics)
     unbent = poses(beam, ca.DM.zeros(beam.basis.n), list(_COMPARED))
     for xi, pose in zip(_COMPARED, unbent, strict=True):
         ahead, chord = (strips.at(name, xi) for name in ("aerodynamic_center", "chord"))

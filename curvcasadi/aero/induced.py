@@ -17,7 +17,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
-from types import MappingProxyType
 from typing import NamedTuple
 
 import casadi as ca
@@ -72,7 +71,7 @@ class LiftingLine:
                 )
         if isinstance(self.shape, Mapping):
             values = {k: numbers(f"LiftingLine.shape[{k!r}]", q) for k, q in self.shape.items()}
-            object.__setattr__(self, "shape", MappingProxyType(values))
+            object.__setattr__(self, "shape", values)
         elif self.shape is not None:
             object.__setattr__(self, "shape", numbers("LiftingLine.shape", self.shape))
         if self.velocity is not None:

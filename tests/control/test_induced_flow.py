@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 
 import casadi as ca
@@ -315,3 +316,10 @@ def crossing(**root):
 def test_bad_input_is_named(change, message):
     with pytest.raises(ValueError, match=message):
         change()
+
+
+def test_a_line_frozen_at_the_shapes_of_an_aircraft_survives_pickling():
+    line = replace(STRAIGHT, shape={"left": bent()}, velocity=VELOCITY)
+    again = pickle.loads(pickle.dumps(line))
+    assert_allclose(again.shape["left"], bent())
+    assert_allclose(again.velocity, VELOCITY)

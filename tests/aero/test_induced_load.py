@@ -175,6 +175,31 @@ def test_drag_of_the_induced_flow_is_that_of_prandtls_equation():
     assert_allclose(2 * drag / elliptic, 1 + delta, rtol=0.01)  # six panels, six stations
 
 
+def test_a_rolling_wing_with_its_own_image_is_damped_a_little_too_much():
+    # The image of a rolling wing lifts the other way: a line from tip to tip knows.
+    def damping(left, length, line, stations):
+        beam = cc.Beam(
+            length=length,
+            basis=cc.ChannelBasis(out_of_plane=cc.Legendre(1)),
+            grid=cc.Grid.uniform(2),
+            section=cc.Section(GJ=1, EI_y=1, EI_z=1),
+            root=cc.Pose(rotation=RIGHT_WING_ROOT.rotation, position=[0, left, 0]),
+        )
+        strips = cc.StripAerodynamics(
+            chord=1.0, aerodynamic_center=0.0, lift_slope=2 * np.pi, stations=stations
+        )
+        flow = cc.Flow(density=1.0, velocity=[25, 0, 0], angular_rate=[0.05, 0, 0])
+        load = cc.AerodynamicLoad(strips=strips, flow=flow, induced_flow=line)
+        return float(root_wrench(beam, [0.0], [load])[0])
+
+    whole = damping(-16.0, 32.0, cc.LiftingLine(panels=16, image=False), 24) / 2
+    own = damping(0.0, 16.0, cc.LiftingLine(panels=8), 12)
+    strips = damping(0.0, 16.0, None, 12)
+    assert whole < 0
+    assert 1.015 < own / whole < 1.025
+    assert 1.2 < strips / whole < 1.25
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [

@@ -67,7 +67,8 @@ def trim(
     turn : Turn, optional
         Steady turn, by its rate, bank angle, radius or load factor; the body needs its inertia.
     inputs : mapping of str to float, optional
-        Inputs that are held, by name, N or rad; all others are free.
+        Inputs that are held, by name, N or rad; all others are free. In symmetric flight the
+        balances settle those that roll and yaw at zero.
     bounds : mapping of str to (float, float), optional
         Lower and upper bounds of angles and inputs by name. Unless given, angle of attack and
         sideslip stay within 0.35 rad, deflections within 0.5 rad, and thrusts above zero.

@@ -7,10 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvcasadi.aircraft.trim_problem import Objective, TrimProblem, bounds_of
+from curvcasadi.aircraft.trim_problem import TrimProblem, bounds_of
 from curvcasadi.aircraft.turn import Turn
 from curvcasadi.symbolic.expressions import Array, choice, expression, number
 
+#: Singular values of unit columns below this are those of undetermined unknowns.
+DEPENDENT = 1e-8
 #: What `free` names.
 FREE = ("sideslip", "roll")
 
@@ -74,16 +76,13 @@ class Case(NamedTuple):
         return held
 
 
-def case_bounds(
-    case: Case, problem: TrimProblem, objective: Objective, p: Array
-) -> tuple[Array, Array]:
+def case_bounds(case: Case, problem: TrimProblem, p: Array) -> tuple[Array, Array]:
     """Scaled bounds of all unknowns; held ones have the same on both sides.
 
     Raises
     ------
     ValueError
-        For unknown names, what is held and free at once, values out of bounds, and more free
-        unknowns than conditions without an objective.
+        For unknown names, what is held and free at once, and values out of bounds.
     """
     lower, upper = bounds_of(problem)
     motion, sides = case.held_motion(), {}
@@ -113,19 +112,39 @@ def case_bounds(
             raise ValueError(f"bounds[{name!r}]: expected lower <= upper, found {low}, {high}")
         k = problem.names.index(name)
         lower[k], upper[k] = low / scales[name], high / scales[name]
-    _check_count(case, problem.names, objective, lower, upper)
     return lower, upper
 
 
-def _check_count(
-    case: Case, names: tuple[str, ...], objective: Objective, lower: Array, upper: Array
+def check_settled(
+    case: Case, problem: TrimProblem, bounds: tuple[Array, Array], slope: Array
 ) -> None:
-    free = [n for n, a, b in zip(names, lower, upper, strict=False) if a < b]
+    """ValueError of free unknowns that the conditions leave undetermined.
+
+    In symmetric flight lateral balances settle inputs that roll and yaw: at zero.
+
+    Parameters
+    ----------
+    case, problem : Case, TrimProblem
+        The conditions, and what they are conditions of.
+    bounds : tuple of array
+        Of `case_bounds`.
+    slope : array, shape (conditions, unknowns)
+        Derivatives of all conditions that the case has, where the search starts.
+    """
+    free = bounds[0] < bounds[1]
+    names = [name for name, on in zip(problem.names, free, strict=False) if on]
     conditions = 3 + (case.flight_path is not None) + 3 * case.lateral + case.coordinated
-    if objective is None and len(free) > conditions:
+    if len(names) <= conditions:
+        return
+    columns = slope[:, free]
+    size = np.linalg.norm(columns, axis=0)
+    rank = int(np.linalg.matrix_rank(columns / np.where(size > 0, size, 1.0), tol=DEPENDENT))
+    undetermined = columns.shape[1] - rank
+    if undetermined:
+        settled = len(names) - undetermined
         raise ValueError(
-            f"inputs: {conditions} balances settle {conditions} of the free unknowns "
-            f"{', '.join(free)}; hold others by `inputs`, or give an objective"
+            f"inputs: {settled} balances settle {settled} of the free unknowns "
+            f"{', '.join(names)}; hold others by `inputs`, or give an objective"
         )
 
 

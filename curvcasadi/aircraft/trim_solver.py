@@ -11,7 +11,7 @@ import numpy as np
 from curvcasadi.aero import AerodynamicLoad, Flow, LiftingLine, StripForces, strip_forces
 from curvcasadi.aero.induced import line_of_wing
 from curvcasadi.aircraft.parts import Aircraft
-from curvcasadi.aircraft.trim_case import Case, case_bounds, free_bounds
+from curvcasadi.aircraft.trim_case import Case, case_bounds, check_settled, free_bounds
 from curvcasadi.aircraft.trim_problem import (
     BALANCES,
     LATERAL,
@@ -72,8 +72,11 @@ class TrimSolver:
     def solve(self, case: Case, guess: TrimResult | None, throw: bool) -> TrimResult:
         """The trim of one case."""
         p = self._parameters(case)
-        lower, upper = case_bounds(case, self.problem, self.objective, p)
+        lower, upper = case_bounds(case, self.problem, p)
         start = np.clip(self._start(case, guess, p), lower, upper)
+        slope = self._slope(start, p).full()
+        if self.objective is None:
+            check_settled(case, self.problem, (lower, upper), slope[self._rows(case)])
         x, iterations = self._newton(case, start, p, lower, upper)
         converged = self._missed(case, x, p) <= TOLERANCE
         if not converged:
@@ -84,7 +87,11 @@ class TrimSolver:
             if self._missed(case, ahead, p) <= TOLERANCE:
                 x, iterations = ahead, iterations + further
         if self._best is not None and self._missed(case, x, p) <= TOLERANCE:
-            best, stats = _run(self._best, x, p, lower, upper, *self._conditions(case))
+            inputs = np.flatnonzero(lower < upper)
+            inputs = inputs[(inputs >= len(MOTION)) & (inputs < len(self.problem.names))]
+            turned = np.abs(slope[list(LATERAL)][:, inputs]) > TOLERANCE
+            sides = self._conditions(case, lateral=case.lateral or bool(np.any(turned)))
+            best, stats = _run(self._best, x, p, lower, upper, *sides)
             iterations += int(stats["iter_count"])
             met = self._missed(case, best, p) <= TOLERANCE
             x, converged = (best, bool(stats["success"])) if met else (x, False)
@@ -110,6 +117,12 @@ class TrimSolver:
             start[[roll, rate]] = bank, np.tan(bank)
         return start
 
+    def _rows(self, case: Case) -> Array:
+        """Which of the balances and further conditions a case has."""
+        rows = np.ones(len(BALANCES) + self.problem.residuals.shape[0], dtype=bool)
+        rows[len(BALANCES) :][: len(PATH)] = case.flight_path is not None, case.coordinated
+        return rows
+
     def _newton(
         self, case: Case, x: Array, p: Array, lower: Array, upper: Array
     ) -> tuple[Array, int]:
@@ -118,9 +131,7 @@ class TrimSolver:
         Least squares, because symmetry makes some conditions redundant and free inputs may be too
         many: then the step is the smallest.
         """
-        free, missed = lower < upper, self._missed(case, x, p)
-        rows = np.ones(len(BALANCES) + self.problem.residuals.shape[0], dtype=bool)
-        rows[len(BALANCES) :][: len(PATH)] = case.flight_path is not None, case.coordinated
+        free, missed, rows = lower < upper, self._missed(case, x, p), self._rows(case)
         for iteration in range(_NEWTON_STEPS):
             balances, residuals, *_ = self._evaluate(x, p)
             conditions = np.append(balances.full(), residuals.full())[rows]
@@ -158,13 +169,13 @@ class TrimSolver:
         slack[1] = 0.0 if case.coordinated else np.inf
         return -slack, slack
 
-    def _conditions(self, case: Case) -> tuple[Array, Array]:
+    def _conditions(self, case: Case, *, lateral: bool) -> tuple[Array, Array]:
         """Bounds of the balances, too.
 
         What symmetry keeps at zero is no equation there: it would be one without an unknown.
         """
         slack = np.zeros(len(BALANCES))
-        if not case.lateral:
+        if not lateral:
             slack[list(LATERAL)] = np.inf
         low, high = self._on_path(case)
         return np.append(-slack, low), np.append(slack, high)

@@ -333,6 +333,30 @@ def test_more_free_inputs_than_balances_need_an_objective():
         trim(aircraft(FLAP), **AIR)
 
 
+@pytest.mark.parametrize("objective", [None, "root_bending"])
+def test_inputs_that_roll_and_yaw_are_zero_in_straight_flight(level, objective):
+    controls = (AILERON,) if objective is None else (AILERON, FLAP)
+    agile = aircraft(*controls, surfaces=(TAIL, FIN))
+    found = trim(agile, **AIR, objective=objective)
+    assert found.success
+    assert_allclose([found.inputs["aileron"], found.inputs["rudder"]], 0, atol=1e-9)
+    if objective is None:
+        held = trim(agile, **AIR, inputs={"aileron": 0.0, "rudder": 0.0})
+        assert_allclose(unknowns_of(found), unknowns_of(held), rtol=1e-9)
+    else:
+        assert abs(found.inputs["flap"]) > 0.1
+
+
+def test_two_engines_share_the_thrust(level):
+    engines = [
+        Thrust(name=name, position=[0, y, 0]) for name, y in (("right", 2.0), ("left", -2.0))
+    ]
+    named = replace(aircraft(), thrusts=tuple(replace(e, name=f"{e.name}_engine") for e in engines))
+    found = trim(named, **AIR)
+    assert_allclose([found.inputs[f"{side}_engine"] for side in ("right", "left")],
+                    level.inputs["thrust"] / 2, rtol=1e-7)  # fmt: skip
+
+
 def test_names_of_inputs_and_angles_differ():
     with pytest.raises(ValueError, match="names of wings and inputs"):
         trim(aircraft(replace(FLAP, name="pitch")), **AIR)

@@ -12,7 +12,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import curvcasadi as cc
-from benchmarks import model_estimation
+from benchmarks import model_flights
 from curvcasadi.estimation import ud
 from curvcasadi.export import run_check
 from tests.support import oracle
@@ -163,7 +163,7 @@ def test_an_implicit_prediction_that_does_not_converge_is_no_number(stream):
     process = cc.ModelProcess(
         model=model, density={"q_dot": 0.1, "lag": 0.1}, method="implicit_midpoint"
     )
-    ekf = cc.shape_ekf(model_estimation.wing().beam, model_estimation.SENSORS[4:], process=process)
+    ekf = cc.shape_ekf(model_flights.wing().beam, model_flights.SENSORS[4:], process=process)
     names = [part.name for part in ekf.error_layout.parts]
     start = ekf.initial(dict.fromkeys(names, 0.01), {"q": [0.1, 0, 0, 0], "q_dot": 4 * [30.0]})
     given = {"u": 0.0, "p": [15.0, 0.03, 0.0]}
@@ -186,8 +186,8 @@ def test_a_control_model_and_keywords_are_a_process(shaft):
 
 @pytest.fixture(scope="module")
 def stream():
-    model = model_estimation.model()
-    return model, model_estimation.make(model, iterations=4)
+    model = model_flights.model()
+    return model, model_flights.make(model, iterations=4)
 
 
 def test_readings_and_slopes_are_those_of_the_moving_wing(stream):
@@ -199,23 +199,23 @@ def test_readings_and_slopes_are_those_of_the_moving_wing(stream):
     size = ekf.error_layout.size
     z = np.concatenate([0.02 * rng.normal(size=n), 0.05 * rng.normal(size=n), rng.normal(size=4)])
     u, known = 0.05, [15.0, 0.03]
-    sensors, root = model_estimation.SENSORS, model_estimation.ROOT
+    sensors, root = model_flights.SENSORS, model_flights.ROOT
 
     def read(z):
         q_ddot = model.xdot(z[:nx], u, [*known, z[nx]])[n : 2 * n]
-        beam = model_estimation.wing().beam
+        beam = model_flights.wing().beam
         return cc.measure(sensors, beam, z[:n], z[n : 2 * n], q_ddot, root).values.full()[:, 0]
 
     step = 1e-6
     H = np.column_stack(
         [(read(z + step * e) - read(z - step * e)) / 2 / step for e in np.eye(size)]
     )
-    one = model_estimation.make(model, iterations=1, recovery=0, gate=np.inf)
+    one = model_flights.make(model, iterations=1, recovery=0, gate=np.inf)
     P = 1e-14 * np.eye(size)
     noise = ekf.channels.noise
     S = H @ P @ H.T + np.diag(noise**2)
     # The doubt about the model's accelerations is noise that all accelerometers share.
-    unknown = H_of_acceleration(model, z, u, known) * model_estimation.ACCELERATION
+    unknown = H_of_acceleration(model, z, u, known) * model_flights.ACCELERATION
     S += unknown @ unknown.T
     wanted = rng.normal(size=len(noise)) * noise
     moved = P @ H.T @ np.linalg.solve(S, wanted)
@@ -226,12 +226,10 @@ def test_readings_and_slopes_are_those_of_the_moving_wing(stream):
 
 
 def H_of_acceleration(model, z, u, known):
-    n, beam = model.second_order.velocities, model_estimation.wing().beam
+    n, beam = model.second_order.velocities, model_flights.wing().beam
 
     def read(a):
-        values = cc.measure(
-            model_estimation.SENSORS, beam, z[:n], z[n : 2 * n], a, model_estimation.ROOT
-        )
+        values = cc.measure(model_flights.SENSORS, beam, z[:n], z[n : 2 * n], a, model_flights.ROOT)
         return values.values.full()[:, 0]
 
     return np.column_stack([read(e) - read(np.zeros(n)) for e in np.eye(n)])
@@ -240,10 +238,10 @@ def H_of_acceleration(model, z, u, known):
 def test_errors_are_what_the_covariance_says(stream):
     model, ekf = stream
     runs = 12
-    found = model_estimation.simulate(
-        model, ekf, model_estimation.DEVIATION, steps=6, runs=runs, native=False
+    found = model_flights.simulate(
+        model, ekf, model_flights.DEVIATION, steps=6, runs=runs, native=False
     )
-    # 99.9 % of averages of `runs` numbers; `model_estimation.consistency` has the 95 % of 200.
+    # 99.9 % of averages of `runs` numbers; `python -m benchmarks` has the 95 % of 200.
     for values, dof in ((found.nees, found.size), (found.nis, found.dof.mean())):
         width = 3.3 * np.sqrt(2 / (dof * runs))
         assert abs(values[-3:].mean() / dof - 1) < width
@@ -329,7 +327,7 @@ def test_a_filter_of_a_white_process_recovers_where_it_is_asked_to(process):
 @pytest.fixture(scope="module")
 def flying():
     beam = replace(
-        model_estimation.wing().beam,
+        model_flights.wing().beam,
         basis=cc.ChannelBasis(out_of_plane=cc.Legendre(1)),
         grid=cc.Grid.lobatto(2),
     )

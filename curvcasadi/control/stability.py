@@ -44,7 +44,7 @@ def stable_step(model: ControlModel, x: Array, u: Array, p: Array) -> tuple[floa
     return float(limits[fastest]), float(frequencies[fastest])
 
 
-def unstable_step(
+def remedy(
     model: ControlModel,
     h: float,
     x: Array,
@@ -52,7 +52,7 @@ def unstable_step(
     p: Array,
     implicit: str = "'implicit_midpoint'",
 ) -> str | None:
-    """What is wrong with a step `h` and what to do, in words; None where it is stable.
+    """What to do about a step `h`, in words; None where it is stable.
 
     `implicit` is what else to take, of models with inertia.
     """
@@ -61,9 +61,23 @@ def unstable_step(
         return None
     other = f"{implicit}, or " if model.second_order is not None else ""
     return (
+        f"take {other}steps below {limit:.3g} s, as the highest frequency is {frequency:.4g} rad/s"
+    )
+
+
+def unstable_step(
+    model: ControlModel,
+    h: float,
+    x: Array,
+    u: Array,
+    p: Array,
+    implicit: str = "'implicit_midpoint'",
+) -> str | None:
+    """What is wrong with a step `h` and what to do, in words; None where it is stable."""
+    todo = remedy(model, h, x, u, p, implicit)
+    return todo and (
         f"steps of {h:.3g} s of Runge–Kutta's method are unstable, so that errors grow without "
-        f"end; take {other}steps below {limit:.3g} s, as the highest frequency is "
-        f"{frequency:.4g} rad/s"
+        f"end; {todo}"
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from curvcasadi.control import variational_midpoint as variational
 from curvcasadi.control.implicit_midpoint import TOLERANCE, midpoint_solver
 from curvcasadi.control.model import ControlModel
-from curvcasadi.control.stability import SLACK, unstable_step, warn_of_unstable_step
+from curvcasadi.control.stability import SLACK, remedy, warn_of_unstable_step
 from curvcasadi.control.step import midpoint_rule, rk4
 from curvcasadi.symbolic.compiled import compile_function
 from curvcasadi.symbolic.expressions import Array, positive
@@ -51,8 +51,8 @@ def _rk4(model: ControlModel) -> Stepper:
         (end,) = step(x, u, p, h)
         if np.all(np.isfinite(end)):
             return end, 1.0, None
-        why = unstable_step(model, h, x, u, p) or "take shorter steps"
-        return end, 1.0, f"the state left the numbers: {why}"
+        todo = remedy(model, h, x, u, p) or "take shorter steps"
+        return end, 1.0, f"the state left the numbers: {todo}"
 
     return advance
 

@@ -92,10 +92,10 @@ def test_momentum_and_energy_of_a_free_body():
 
 def test_a_simulation_that_diverges_keeps_what_it_had():
     stiff = models.pendulum(stiffness=1e6)
-    remedy = r"steps of 0.05 s .*'implicit_midpoint', or steps below 0.00.* s, as"
+    remedy = r"take 'implicit_midpoint', or steps below 0.00.* s, as"
     with (
-        pytest.raises(cc.ConvergenceError, match=remedy) as error,
-        pytest.warns(UserWarning, match=f"simulate: {remedy}"),
+        pytest.raises(cc.ConvergenceError, match=rf"steps of 0.05 s .* numbers: {remedy}") as error,
+        pytest.warns(UserWarning, match=rf"simulate: steps of 0.05 s .* unstable, .*{remedy}"),
     ):
         cc.simulate(stiff, START, np.linspace(0, 10, 201), u=[0.0], p=[9.81])
     result = error.value.result

@@ -254,7 +254,7 @@ def main(directory=Path("out"), animate=False):
     plot(times, found).savefig(directory / "gust_load_alleviation_from_sensors.png", dpi=150)
     if animate:
         beam = hale_wing(*PLANT["weights"])
-        weights = [*found.values()][-1].weights[::4, 0]
+        weights = found[next(iter(CASES))].weights[::4, 0]
         file = directory / "gust_load_alleviation_from_sensors.gif"
         animate_shape(beam, times[::4], weights, file)
     return relief

@@ -7,7 +7,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from curvcasadi.symbolic.expressions import Array, Number, number, numbers, own_fields, positive
+from curvcasadi.symbolic.expressions import (
+    Array,
+    Number,
+    number,
+    numbers,
+    numeric,
+    own_fields,
+    positive,
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -34,7 +42,7 @@ class Actuators:
 
     def __post_init__(self) -> None:
         own_fields(self)
-        positive("Actuators.lag", self.lag)
+        positive("Actuators.lag", numeric("Actuators.lag", self.lag))
         rate, lower, upper = (
             _limits(f"Actuators.{name}", getattr(self, name)) for name in ("rate", "lower", "upper")
         )
@@ -93,6 +101,9 @@ class Actuators:
 
 def _limits(name: str, value: Number) -> Array:
     """Numbers that may be infinite."""
-    array = np.asarray(value, dtype=float)
+    try:
+        array = np.asarray(numeric(name, value), dtype=float)
+    except TypeError:
+        raise ValueError(f"{name}: expected numbers, found {value!r}") from None
     numbers(name, np.where(np.isinf(array), 0.0, array))
     return array

@@ -120,6 +120,10 @@ def closed_loop(
         raise ValueError(f"times: expected at least two, evenly spaced, s, found {times}")
     dt = positive("times[1] - times[0]", times[1] - times[0]) / count("substeps", substeps)
     instance("actuators", actuators, Actuators)
+    functions = {"step": step, "control": control, "p": p, "read": read, "link": link}
+    for name, function in functions.items():
+        if not callable(function) and (name not in ("read", "link") or function is not None):
+            raise ValueError(f"{name}: expected a function, found {function!r}")
     count("every", every)
     if observer is not None and read is None:
         raise ValueError("read: expected a function of x, u and p for the observer, found None")

@@ -1,5 +1,6 @@
 """Actuators follow commands with a lag, at a limited rate, between limits."""
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -38,6 +39,9 @@ def test_without_limits_they_are_a_lag():
     ("mistake", "words"),
     [
         (lambda: cc.Actuators(lag=0.0), "Actuators.lag: expected a number above zero"),
+        (lambda: cc.Actuators(lag=ca.SX.sym("lag")), "Actuators.lag: expected numbers"),
+        (lambda: cc.Actuators(lag=0.1, rate=ca.SX.sym("r")), "Actuators.rate: expected numbers"),
+        (lambda: cc.Actuators(lag=0.1, upper={}), "Actuators.upper: expected numbers"),
         (lambda: cc.Actuators(lag=0.1, rate=0), "Actuators.rate: expected rates above zero"),
         (lambda: cc.Actuators(lag=0.1, rate=np.nan), "Actuators.rate: expected finite numbers"),
         (lambda: cc.Actuators(lag=0.1, lower=1, upper=0), "Actuators.lower: expected at most"),

@@ -98,6 +98,9 @@ def test_what_is_not_finite_is_named_with_time_and_lane():
         ({"step": lambda x, u, p: x[:, 0]}, r"step: expected states \(2, 1\), found \(2,\)"),
         ({"actuators": None}, "actuators: expected an? Actuators"),
         ({"observer": object()}, "read: expected a function"),
+        ({"p": np.zeros(2)}, "p: expected a function, found array"),
+        ({"link": 3}, "link: expected a function, found 3"),
+        ({"step": None}, "step: expected a function, found None"),
         ({"p": lambda time: [np.nan]}, "p: expected finite numbers"),
     ],
 )

@@ -343,7 +343,7 @@ def from_rest(seed: int, real: str) -> str:
     return native(np.zeros(n), position)[0]
 
 
-def wingsfrom_rest(count: int = 1000) -> Table:
+def wings_from_rest(count: int = 1000) -> Table:
     """Shape targets in reach of random wings, solved from weights of zero."""
     checks = []
     for real in KINDS:

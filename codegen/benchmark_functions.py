@@ -19,8 +19,8 @@ from tests.support import wing as test_wing
 
 CPUS = ("cortex-m7", "cortex-m4")
 
-#: Poses, Jacobians and filters are smaller and faster with these; solvers, equilibria and the
-#: shortest poses grow by up to a fifth and stay at -Os.
+#: Poses, Jacobians, filters and equilibria are smaller and faster with these; solvers of programs
+#: (up to a fourth) and the shortest poses grow and stay at -Os.
 FAST = ("-O2", "-ffp-contract=fast")
 
 #: Tip error, in lengths, that the midpoint rule and magnus4 are compared at.
@@ -299,6 +299,7 @@ LIBRARIES = (
         beam=FEW_ELEMENTS,
         functions=equilibrium,
         reference_inputs=equilibrium_samples,
+        options=FAST,
     ),
     Library(
         name="ekf",

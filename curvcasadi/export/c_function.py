@@ -10,6 +10,7 @@ import casadi as ca
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.ocp.mpc import Mpc
+from curvcasadi.solvers.embedded import SolverFunction
 from curvcasadi.symbolic.expressions import instance, positive
 
 #: Inputs that hold weights where `export_c` is given a beam.
@@ -22,7 +23,8 @@ STARTS = ("x", "u_previous", "guess")
 VIOLATION, STATIONARITY = "violation", "stationarity"
 
 #: What CasADi calls solvers that can fail and still become C.
-_SOLVERS = {"Sqpmethod", "Qrqp", "FastNewton"}
+_PROGRAMS = {"Sqpmethod", "Qrqp"}
+_SOLVERS = _PROGRAMS | {"FastNewton"}
 
 #: Words for the inputs and outputs of this package's Functions, by name.
 _WORDS = {
@@ -148,6 +150,12 @@ class CFunction:
     def is_solver(self) -> bool:
         """Whether it says by its outputs if it solved its problem."""
         return {VIOLATION, STATIONARITY} <= set(self.function.name_out())
+
+    @property
+    def solves_programs(self) -> bool:
+        """Whether it holds a solver of quadratic programs."""
+        parts = {f.class_name() for f in [self.function, *self.function.find_functions()]}
+        return isinstance(self.function, SolverFunction) or not _PROGRAMS.isdisjoint(parts)
 
     def refuse_unchecked_solver(self) -> None:
         """Refuse a solver that cannot be checked, as generated solvers always report success."""

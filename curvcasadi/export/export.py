@@ -27,9 +27,9 @@ _CALLERS = {
     "   interrupts included.",
 }
 
-#: Options of maps and filters, which they make smaller, too; solvers grow by a fifth.
+#: Options of maps, filters and equilibria; solvers of programs become faster, but grow by a fifth.
 _SMALL_AND_FAST = """\
-                       # Smaller and faster than -Os, for functions without solvers.
+                       # Smaller and faster than -Os, for functions that solve no programs.
                        $<$<AND:$<CONFIG:MinSizeRel>,$<C_COMPILER_ID:GNU>>:-O2$<SEMICOLON>-ffp-contract=fast>
 """
 
@@ -135,7 +135,7 @@ def export_c(
         "CALLERS": _CALLERS[shared_buffers],
         "DEFINITIONS": "\n".join(wrappers.definition(w, shared=shared_buffers) for w in wrapped),
         "MACROS": generated.float_macros(),
-        "OPTIMIZATION": "" if any(f.is_solver for f in exports) else _SMALL_AND_FAST,
+        "OPTIMIZATION": "" if any(f.solves_programs for f in exports) else _SMALL_AND_FAST,
         **self_test.fields(wrapped, reference_inputs),
         "REAL_TYPE": f"{name}_real",  # last: within what is filled in before
     }

@@ -151,7 +151,8 @@ class SolverC:
             *(problem.iterations or 0, problem.passes, problem.halvings, _changes(problem)),
             *map(_real, qp),
             *map(_real, (step, tolerances.limit, problem.flatness, problem.still)),
-            *map(_real, (problem.enough, decrement, DAMPING * problem.first_damping)),
+            *map(_real, (problem.enough, decrement, problem.noise)),
+            _real(DAMPING * problem.first_damping),
             int(problem.relative),
         ]
         return [*lines, _struct("gn_problem", f"{name}_problem", fields)]

@@ -6,8 +6,9 @@ constraints and their slopes A. A step d solves
     min ½ dᵀH d + gᵀd   within the limits of x + d and c + A d
 
 A number of steps is taken in full (real-time iterations); otherwise steps are halved until the
-objective and σ times the violation fall, and the next ones are damped, up to the optimality
-conditions. On a host a QP solver of CasADi takes the programs; generated C has its own.
+objective and σ times the violation fall, but for what rounding adds, and the next ones are damped,
+up to the optimality conditions. On a host a QP solver of CasADi takes the programs, in double
+precision; generated C has its own, and damps those that its precision cannot solve.
 """
 
 from __future__ import annotations
@@ -42,6 +43,8 @@ PLUGINS: dict[str, tuple[str, dict[str, Any]]] = {
 #: Factor of the objective for solvers with tolerances of their own that are too wide.
 STRETCH = {"hpipm": 1e2, "piqp": 1e4, "proxqp": 1e2}
 
+#: Rounding of a number of size 1.
+EPSILON: dict[Real, float] = {"double": 2.3e-16, "float": 1.2e-7}
 #: Decrease that a step must reach, over what its linearization promises.
 ARMIJO = 1e-4
 #: Penalty of violations over the largest multiplier.
@@ -155,6 +158,11 @@ class GaussNewton:
         """Tolerance of gradient and idle multipliers; 0 where these are not asked for."""
         chosen = self.stationarity
         return self.tolerances.stationarity if chosen is None else chosen
+
+    @property
+    def noise(self) -> float:
+        """Of the objective ½ |residual|² by rounding of the residual, over its square root."""
+        return 8 * EPSILON[self.real] * (self.residual_unit or 0.0)
 
     @property
     def n(self) -> int:
@@ -369,8 +377,9 @@ class GaussNewton:
             f"{self.name}_accept", [state, *symbols], [self._accepted(s, symbols, excess)]
         )
         merit = ca.Function("merit", [state, *symbols], [symbols[0] + s["penalty"] * excess])
-        noise = 16 * (1.2e-7 if self.real == "float" else 2.3e-16)
-        allowed = s["merit"] + ARMIJO * s["shrink"] * s["change"] + noise * ca.fabs(s["merit"])
+        size = ca.fabs(s["merit"])
+        rounding = 16 * EPSILON[self.real] * size + self.noise * ca.sqrt(size)
+        allowed = s["merit"] + ARMIJO * s["shrink"] * s["change"] + rounding
         worse = ca.logic_and(
             ca.logic_not(merit(state, *at) <= allowed), s["halved"] < self.halvings
         )

@@ -46,6 +46,19 @@ def _by_daqp(program, tolerance):
     return solve(h=program.H, g=program.g, a=program.A, **limits, **rows)["x"].full().ravel()
 
 
+@pytest.mark.parametrize("real", REALS)
+def test_units_of_unknowns_do_not_matter(solvers, real):
+    """An unknown in units 1e5 times as large has entries of H that are 1e-10 of the others."""
+    unit = np.array([1.0, 1e-5])
+    H = np.array([[2.0, 0.5], [0.5, 1.0]]) * np.outer(unit, unit)
+    goal = np.array([0.25, -0.5]) / unit
+    far = np.array([1e6, 1e6, np.inf])
+    program = _program(H=H, g=-H @ goal, lower=-far, upper=far)
+    result = solvers[real](program)
+    assert result.status == "solved"
+    assert_allclose(result.x, goal, rtol=1e-5)  # rounding of single precision
+
+
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "infeasible"])
 @pytest.mark.parametrize("real", REALS)
 def test_solutions_are_those_of_an_independent_solver(solvers, kind, real):

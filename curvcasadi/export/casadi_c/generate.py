@@ -18,7 +18,11 @@ import numpy as np
 
 from curvcasadi.export import solver_c
 from curvcasadi.export.casadi_c import external, work_vector
-from curvcasadi.export.casadi_c.null_checks import without_failure_checks, without_null_checks
+from curvcasadi.export.casadi_c.null_checks import (
+    without_failure_checks,
+    without_null_checks,
+    without_null_copies,
+)
 from curvcasadi.export.solver_c import SolverC
 from curvcasadi.solvers.embedded import SolverFunction
 from curvcasadi.symbolic.expressions import Real
@@ -82,7 +86,7 @@ def generate(
     source, header = (
         work_vector.told(work_vector.told(text, work), integers, "iw") for text in (source, header)
     )
-    source = without_failure_checks(without_null_checks(source))
+    source = without_null_copies(without_failure_checks(without_null_checks(source)))
     if solvers:
         own = {solver.function.name(): solver.sizes(work) for solver in solvers}
         source, header = _with_solvers(source, header, solvers, own, stem, real)

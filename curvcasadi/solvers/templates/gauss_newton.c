@@ -2,14 +2,16 @@
 
    At x a problem is its linearization: objective f, gradient g, Hessian H, values c of the constraints
    and their slopes A. Steps solve the quadratic program of that point. A number of steps is taken in
-   full; otherwise steps are halved until the objective and a penalty of violations fall, and the next
-   ones are damped. The result is judged by its own numbers: violation of the limits, and distance from the optimality conditions. */
+   full; otherwise steps are halved until the objective and a penalty of violations fall, but for what
+   rounding adds, and the next ones are damped, as are those whose program this precision cannot solve.
+   The result is judged by its own numbers: violation of the limits, and distance from the optimality conditions. */
 
 #define GN_FAR ((qp_real)1e30)
 #define GN_ARMIJO ((qp_real)1e-4)
 #define GN_PENALTY ((qp_real)1.5)
 #define GN_DAMPING ((qp_real)4)
 #define GN_LEAST_DAMPING ((qp_real)1e-7)
+#define GN_DAMPINGS 12 /* times GN_DAMPING, from the least to that of the objective */
 
 /* A generated function */
 typedef int (*gn_function)(const qp_real **arg, qp_real **res, int *iw, qp_real *w, int mem);
@@ -40,6 +42,7 @@ typedef struct {
   qp_real stationarity;                   /* of gradient and idle multipliers; 0: not asked for */
   qp_real enough;                         /* part of tolerances at which it converged */
   qp_real decrement;                      /* of a residual; 0: not asked for */
+  qp_real noise;                          /* of the objective by rounding, over its square root */
   qp_real first_damping;                  /* where it converges, times GN_DAMPING */
   int relative; /* whether what counts as none is relative to the Hessian */
 } gn_problem;
@@ -195,7 +198,13 @@ static qp_real gn_distance(gn_state *s, const qp_real *x, const qp_real *d) {
   }
   if (p->decrement > 0) { /* left' (H + flat)^-1 left */
     qp_real *l = left + p->n;
-    if (qp_cholesky(&qp, unit * p->flat, l)) {
+    qp_real shift = unit * p->flat;
+    int is_definite = qp_cholesky(&qp, shift, l);
+    for (i = 0; i < GN_DAMPINGS && !is_definite; ++i) { /* but for rounding */
+      shift = gn_larger(GN_DAMPING * shift, unit * GN_LEAST_DAMPING);
+      is_definite = qp_cholesky(&qp, shift, l);
+    }
+    if (is_definite) {
       for (i = 0; i < p->n; ++i) {
         const qp_real *li = l + QP_PACKED(i);
         left[i] = (left[i] - qp_dot(i, li, left)) / li[i];
@@ -226,6 +235,26 @@ static qp_status gn_step(gn_state *s, const qp_real *x, int is_first) {
   }
   gn_program(s, &qp);
   return qp_solve(&qp, s->d, s->lam, s->side, s->qp, s->set, &changes);
+}
+
+/* The step with a damping, or with the least larger one with which the program can be solved in this
+   precision; what is infeasible stays so */
+static qp_status gn_damped_step(gn_state *s, qp_real *damping, int is_first) {
+  const qp_real unit = gn_unit(s);
+  qp_real added = *damping;
+  qp_status status = QP_LIMIT;
+  int i, k;
+  for (k = 0; k < GN_DAMPINGS && (status == QP_LIMIT || status == QP_NOT_CONVEX); ++k) {
+    if (k > 0) {
+      added = gn_larger(GN_DAMPING * *damping, GN_LEAST_DAMPING) - *damping;
+      *damping += added;
+    }
+    for (i = 0; i < s->problem->n; ++i) {
+      s->at.h[QP_PACKED(i) + i] += added * unit;
+    }
+    status = gn_step(s, s->x, is_first);
+  }
+  return status;
 }
 
 typedef struct {
@@ -288,6 +317,7 @@ static int gn_converge(gn_state *s, gn_judgement *found) {
       excess += gn_excess(p, p->n + i, s->at.c[i]);
     }
     allowed = merit + GN_ARMIJO * shrink * change + 16 * QP_EPS * qp_abs(merit);
+    allowed += p->noise * QP_SQRT(qp_abs(merit));
     if (!(s->at.f + penalty * excess <= allowed) && halved < p->halvings) {
       shrink /= 2;
       ++halved;
@@ -302,15 +332,10 @@ static int gn_converge(gn_state *s, gn_judgement *found) {
       is_done = gn_larger(found->distance, gn_violation(s, s->x) / p->limit) <= p->enough;
       is_done = is_done || (shrink > 0 && moved <= p->step);
       if (!is_done) {
-        qp_real added;
         qp_status status;
         damping = halved < 1 ? damping / GN_DAMPING : damping;
         damping = damping < GN_LEAST_DAMPING ? 0 : damping;
-        added = damping * gn_unit(s);
-        for (i = 0; i < p->n; ++i) {
-          s->at.h[QP_PACKED(i) + i] += added;
-        }
-        status = gn_step(s, s->x, is_first);
+        status = gn_damped_step(s, &damping, is_first);
         is_first = 0;
         if (status != QP_SOLVED) {
           is_done = 1;

@@ -151,18 +151,19 @@ static qp_real qp_largest_diagonal(const qp_problem *p) {
   return largest;
 }
 
-/* L by rows, packed, with L L' = H + shift; 0 where that is not positive definite */
+/* L by rows, packed, with L L' = H + shift; 0 where that is not positive definite. What counts as none
+   is relative to each diagonal entry: units of unknowns do not matter. */
 static int qp_cholesky(const qp_problem *p, qp_real shift, qp_real *l) {
-  const qp_real least = QP_EPS * qp_largest_diagonal(p);
   int i, k, is_definite = 1;
   for (i = 0; i < p->n && is_definite; ++i) {
+    const qp_real diagonal = p->h[QP_PACKED(i) + i] + shift;
     qp_real *li = l + QP_PACKED(i), rest;
     for (k = 0; k < i; ++k) {
       const qp_real *lk = l + QP_PACKED(k);
       li[k] = (p->h[QP_PACKED(i) + k] - qp_dot(k, li, lk)) / lk[k];
     }
-    rest = p->h[QP_PACKED(i) + i] + shift - qp_dot(i, li, li);
-    is_definite = rest > least;
+    rest = diagonal - qp_dot(i, li, li);
+    is_definite = rest > QP_EPS * diagonal;
     li[i] = is_definite ? QP_SQRT(rest) : 0;
   }
   return is_definite;

@@ -22,6 +22,9 @@ STARTS = ("x", "u_previous", "guess")
 #: Outputs by which a Function that solves says whether it did: met where at most 1.
 VIOLATION, STATIONARITY = "violation", "stationarity"
 
+#: Output by which a Function with weighted targets says whether it reached them: where at most 1.
+COMPROMISE = "compromise"
+
 #: What CasADi calls solvers that can fail and still become C.
 _PROGRAMS = {"Sqpmethod", "Qrqp"}
 _SOLVERS = _PROGRAMS | {"FastNewton"}
@@ -50,6 +53,8 @@ _WORDS = {
     "residual": "N m², generalized force",
     VIOLATION: "largest violation over its tolerance; kept where at most 1",
     STATIONARITY: "distance from optimality over its tolerance; converged where at most 1",
+    COMPROMISE: "largest error of a weighted target over the tolerance of one to be met; reached "
+    "where at most 1, else a compromise",
 }
 
 #: Names that C, its library or the generated files have taken.

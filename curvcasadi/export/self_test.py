@@ -8,7 +8,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from curvcasadi.export.c_function import STARTS, STATIONARITY, VIOLATION, WEIGHTS, CFunction
+from curvcasadi.export.c_function import (
+    COMPROMISE,
+    STARTS,
+    STATIONARITY,
+    VIOLATION,
+    WEIGHTS,
+    CFunction,
+)
 from curvcasadi.export.wrappers import Wrapper
 from curvcasadi.kinematics.weights import tolerated_bounds
 from curvcasadi.symbolic.expressions import Array, Real, expression, is_numeric
@@ -80,7 +87,8 @@ def _test(wrapper: Wrapper, given: Sequence[Sequence[Any]] | None) -> str:
         i = export.function.index_in(key)
         rows = [_row(sample[i].nonzeros(), wrapper.real) for sample in samples]
         lines.append(f"static const @REAL_TYPE@ {name}_in{k}[][{size}] = {{{', '.join(rows)}}};")
-    compared = [o for o in wrapper.outputs if o[0] not in (VIOLATION, STATIONARITY)]
+    over_tolerances = (VIOLATION, STATIONARITY, COMPROMISE)
+    compared = [o for o in wrapper.outputs if o[0] not in over_tolerances]
     for k, (key, _, size) in enumerate(compared):
         rows = [_row(ca.DM(output[key]).nonzeros(), "double") for output in outputs]
         lines.append(f"static const double {name}_out{k}[][{size}] = {{{', '.join(rows)}}};")

@@ -196,8 +196,8 @@ def prototype(symbol: str) -> str:
 
 def source(solvers: Sequence[SolverC], prefix: str, real: Real) -> str:
     """What all solvers share, then each one's own."""
-    staged = any(s.problem.stages for s in solvers)
     folder = files("curvcasadi.solvers").joinpath("templates")
+    staged = any(s.problem.stages for s in solvers)
     fields = dict.fromkeys(("STAGES", "CONDENSED", "ROLLED"), "")
     if staged:
         fields = {
@@ -210,6 +210,10 @@ def source(solvers: Sequence[SolverC], prefix: str, real: Real) -> str:
                 call="gn_rollout(problem->stages, x, s->p, s->at.c, states, s->stage, &s->scratch)"
             ),
         }
+    used = {"converge" if s.problem.iterations is None else "iterate" for s in solvers}
+    for way in ("iterate", "converge"):
+        fields[way.upper()] = folder.joinpath(f"{way}.c").read_text() if way in used else ""
+    fields["SOLVE"] = _SOLVE[" or ".join(sorted(used, reverse=True))]
     loop = folder.joinpath("gauss_newton.c").read_text()
     for key, value in fields.items():
         loop = loop.replace(f"@{key}@\n", value)
@@ -221,6 +225,13 @@ def source(solvers: Sequence[SolverC], prefix: str, real: Real) -> str:
     )
 
 
+#: By the ways that the solvers of an export take.
+_SOLVE = {
+    "iterate": "  failed = gn_iterate(s, &found);\n",
+    "converge": "  failed = gn_converge(s, &found);\n",
+    "iterate or converge": "  failed = s->problem->iterations > 0 ? gn_iterate(s, &found) : "
+    "gn_converge(s, &found);\n",
+}
 _CONDENSED = """\
   if (problem->stages) {{
     failed = {call};

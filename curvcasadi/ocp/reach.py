@@ -54,8 +54,11 @@ class ShapeResult:
         Iterations of all solves.
     active_bounds : tuple of str
         Bounds that hold the weights or the shape, in words.
+    compromise : bool
+        Whether a weighted target is missed, by more than 1e-6 of the length or rad: the shape is a
+        compromise between weights, regularizer and bounds.
     message : str
-        What was reached, in words.
+        What was reached, and which targets are missed by how much, in words.
     """
 
     q: ca.DM
@@ -66,6 +69,7 @@ class ShapeResult:
     converged: bool
     iterations: int
     active_bounds: tuple[str, ...]
+    compromise: bool
     message: str
 
     @property
@@ -210,11 +214,16 @@ def _result(
     _, distances, angles = solvers.errors(q)
     reached = solvers.misses(q) <= 1
     active = _active_bounds(beam, problem, q)
+    missed = _missed(beam, targets, distances, angles)
+    compromise = [words for target, words in zip(targets, missed, strict=True) if target.weight]
+    weighted = ", ".join(filter(None, compromise))
     message = "reached"
     if not reached:
-        message = _why_missed(beam, targets, distances, angles, active)
-    elif not solvers.converged:
-        message = "reached, but the best shape among those that reach was not found"
+        message = _why_missed(beam, targets, missed, active)
+    elif weighted:
+        message = f"a compromise of weights: {weighted}"
+    if reached and not solvers.converged:
+        message += ", but the best shape among those that reach was not found"
     return ShapeResult(
         q=ca.DM(q),
         shape=shape_map(beam, q),
@@ -224,6 +233,7 @@ def _result(
         converged=solvers.converged,
         iterations=solvers.iterations,
         active_bounds=active,
+        compromise=bool(weighted),
         message=message,
     )
 
@@ -238,31 +248,39 @@ def _active_bounds(beam: Beam, problem: ReachProblem, q: Array) -> tuple[str, ..
     return tuple(active_bounds(*at, tolerance=1e-4).values())
 
 
-def _why_missed(
-    beam: Beam, targets: list[Target], distances: Array, angles: Array, active: tuple[str, ...]
-) -> str:
-    """Which unweighted targets are missed, by how much, and what holds them off."""
+def _missed(beam: Beam, targets: list[Target], distances: Array, angles: Array) -> list[str]:
+    """By how much each target is missed by more than its tolerance, in words; "" where it is not."""
     remaining_distances, remaining_angles = iter(distances), iter(angles)
-    misses, reasons = [], []
+    found = []
     for i, target in enumerate(targets):
         parts, fractions = [], []
         if target.position is not None:
             distance = next(remaining_distances)
             parts.append(f"{distance:.3g} m")
             fractions.append(distance / beam.length)
-            if excess := _excess(beam, target):
-                reach = float(target.xi * beam.length)
-                reasons.append(
-                    f"targets[{i}] is out of reach: {reach + excess:.6g} m from the root, "
-                    f"the beam ends at most {reach:.6g} m from it"
-                )
         if target.rotation is not None:
             angle = next(remaining_angles)
             parts.append(f"{angle:.3g} rad")
             fractions.append(angle)
         tolerance = TOLERANCE if target.tolerance is None else target.tolerance
-        if target.weight is None and max(fractions) > tolerance:
-            misses.append(f"targets[{i}] (xi = {target.xi:g}) by {' and '.join(parts)}")
+        is_missed = max(fractions) > tolerance
+        words = f"targets[{i}] (xi = {target.xi:g}) by {' and '.join(parts)}"
+        found.append(words if is_missed else "")
+    return found
+
+
+def _why_missed(
+    beam: Beam, targets: list[Target], missed: list[str], active: tuple[str, ...]
+) -> str:
+    """Which unweighted targets are missed, by how much, and what holds them off."""
+    reasons = []
+    for i, target in enumerate(targets):
+        if excess := _excess(beam, target):
+            reach = float(target.xi * beam.length)
+            reasons.append(
+                f"targets[{i}] is out of reach: {reach + excess:.6g} m from the root, "
+                f"the beam ends at most {reach:.6g} m from it"
+            )
     if active and not reasons:
         reasons.append("bounds hold it: " + "; ".join(active))
     if not reasons:
@@ -270,4 +288,5 @@ def _why_missed(
             f"no bound holds it: {beam.basis.n} weights of this basis cannot form the shape, "
             f"or none of {_FURTHER_STARTS + 1} starts led there; try a q_guess"
         )
+    misses = [words for t, words in zip(targets, missed, strict=True) if words and not t.weight]
     return f"targets not met: {', '.join(misses)}; {'; '.join(reasons)}"

@@ -123,8 +123,12 @@ def shape_target_function(
         1e-5), or error of a target's rotation that is none over 1e-3, at most 1 where all is kept;
         stationarity (1, 1): what is left of the optimality conditions (of the last programs, for
         `iterations`) over 1e-8 rad/m (float: 1e-6), and what a Newton step would still take from
-        the residual over 1e-6 (float: 1e-4), at most 1 where it converged. It does not raise, but
-        for NaN inputs, or where its steps lead to what cannot be computed: check both. From an
+        the residual over 1e-6 (float: 1e-4), at most 1 where it converged; compromise (1, 1), where
+        targets are weighted: the largest error of one, over 1e-6 (float: 1e-5) of the length or
+        rad: at most 1 where all are reached; above, the shape is a compromise between weights,
+        regularizer and limits, which misses them by `distances` and `angles`. It does not raise,
+        but for NaN inputs, or where its steps lead to what cannot be computed: check violation and
+        stationarity. From an
         exactly straight guess a target on the beam's axis has no gradient: guess a slight bend.
     """
     function_name("name", name)
@@ -271,15 +275,18 @@ def _ends(
     found, states = ca.MX.sym("found", beam.basis.n), ca.MX.sym("states", 0, 1)
     excess, distance, before = (ca.MX.sym(key) for key in ("excess", "distance", "before"))
     outcome = ca.Function(
-        f"{name}_outcome", [q, values], [problem.distances, problem.angles, _miss(problem)]
+        f"{name}_outcome",
+        [q, values],
+        [problem.distances, problem.angles, _violated(problem), _compromise(problem)],
     )
-    distances, angles, miss = outcome(found, values)
+    distances, angles, violated, compromise = outcome(found, values)
     results = {
         "q": found,
         "distances": distances,
         "angles": angles,
-        "violation": larger(miss, excess / TOLERANCES[beam.grid.real].limit),
+        "violation": larger(violated, excess / TOLERANCES[beam.grid.real].limit),
         "stationarity": larger(distance, before),
+        "compromise": compromise,
     }
     given = {key: value for key, value in results.items() if value.numel()}
     finish = ca.Function(
@@ -327,7 +334,14 @@ def _shaped(problem: Residuals, values: ca.MX) -> list[ca.MX]:
     return [ca.reshape(v, *s.shape) for v, s in zip(pieces, _symbols(problem), strict=True)]
 
 
-def _miss(problem: Residuals) -> ca.MX:
+def _violated(problem: Residuals) -> ca.MX:
     """Largest error of a target to be met over its tolerance, or of a rotation that is none."""
     errors = ca.fabs(problem.to_meet) / problem.tolerances
     return ca.mmax(ca.vertcat(rotations_defect(problem.rotations), errors))
+
+
+def _compromise(problem: Residuals) -> ca.MX:
+    """Largest error of a weighted target over the tolerance of one to be met; empty without any."""
+    if not problem.missed.numel():
+        return ca.MX(0, 1)
+    return ca.mmax(ca.fabs(problem.missed))

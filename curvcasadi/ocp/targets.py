@@ -98,6 +98,7 @@ class Residuals:
     tolerances: Array  #: of `to_meet`, entry by entry
     leverages: Array  #: of curvature on `to_meet`, over that on the tip: xi² of positions, or xi
     weighted: ca.MX  #: errors of the weighted targets, times √weight
+    missed: ca.MX  #: the same without their weights, over the tolerance of a target to be met
     distances: ca.MX  #: (P, 1) distances to the positions, m
     angles: ca.MX  #: (R, 1) angles to the attitudes, rad
 
@@ -117,6 +118,7 @@ def residuals(beam: Beam, targets: Sequence[Target], q: ca.MX) -> Residuals:
         "tolerances": [],
         "leverages": [],
         "weighted": [],
+        "missed": [],
         "distances": [],
         "angles": [],
     }
@@ -141,6 +143,7 @@ def residuals(beam: Beam, targets: Sequence[Target], q: ca.MX) -> Residuals:
             parts["leverages"] += leverages
         else:
             parts["weighted"] += [np.sqrt(float(target.weight)) * error for error in errors]
+            parts["missed"] += [error / _TOLERANCES[beam.grid.real] for error in errors]
     return Residuals(
         positions=desired_positions,
         rotations=desired_rotations,
@@ -148,6 +151,7 @@ def residuals(beam: Beam, targets: Sequence[Target], q: ca.MX) -> Residuals:
         tolerances=np.array(parts["tolerances"], dtype=float),
         leverages=np.array(parts["leverages"], dtype=float),
         weighted=_stack(parts["weighted"]),
+        missed=_stack(parts["missed"]),
         distances=_stack(parts["distances"]),
         angles=_stack(parts["angles"]),
     )

@@ -277,6 +277,20 @@ def test_weighted_targets_never_raise(goal):
         assert result.reached
 
 
+def test_a_compromise_of_weights_is_told_in_words():
+    """Targets with weights that are missed were once called reached."""
+    near, far = [0, 16, 0], [0, 16.11, 0]
+    result = cc.reach_shape(WING, [cc.Target(xi=1, position=far, weight=1.0)])
+    assert result.compromise
+    assert result.success
+    assert result.message == "a compromise of weights: targets[0] (xi = 1) by 0.11 m"
+    both = [cc.Target(xi=1, position=near), cc.Target(xi=1, position=far, weight=1.0)]
+    result = cc.reach_shape(WING, both)
+    assert result.reached
+    assert result.message == "a compromise of weights: targets[1] (xi = 1) by 0.11 m"
+    assert not cc.reach_shape(WING, both[:1]).compromise
+
+
 def test_weighted_targets_are_the_least_squares_of_another_solver():
     q = np.random.default_rng(9).uniform(-0.04, 0.04, 9)
     turn = oracle.rotation([0.2, 0.1, -0.3])

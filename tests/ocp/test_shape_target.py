@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import curvcasadi as cc
+from benchmarks.native import NativeFunction
 from benchmarks.qp import from_rest
 from curvcasadi.ocp.limits import regularizer_matrix
 from curvcasadi.reference_wings import hale_wing
@@ -258,6 +259,29 @@ def test_inputs_and_outputs_are_named_by_what_is_asked_for(solver):
     assert solver("attitude").name_in() == ["q_guess", "rotations"]
     assert solver("attitude").name_out() == ["q", "angles", "violation", "stationarity"]
     assert solver("several").size_in("positions") == (3, 2)
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_a_compromise_of_weights_is_told_by_how_much(real):
+    """By a status that it is usable, by its outputs that the target is missed."""
+    wing = replace(hale_wing(2, 3, 1, grid=cc.Grid.uniform(8, real=real)), weight_bounds=0.3)
+    target = cc.Target(xi=1.0, position=[0, 16, 0], weight=1.0)
+    f = cc.shape_target_function(wing, [target], regularization=1e-4)
+    assert f.name_out() == ["q", "distances", "violation", "stationarity", "compromise"]
+    tolerance = {"double": 1e-6, "float": 1e-5}[real]
+    bend = np.full(6, 1e-3)
+    native = NativeFunction.compiled(f, wing, [bend, [0, 16, 0]], optimization="-O0")
+    at_rest = cc.tip_function(wing)(np.zeros(6))[0].full().ravel()
+    for position, is_missed in ((at_rest, False), ([0, 16.2, 0], True)):
+        status, found = native(np.zeros(6), position)
+        assert status == "OK"
+        assert (found["compromise"] > 1) == is_missed
+        error = cc.tip_function(wing)(found["q"])[0].full().ravel() - position
+        # Single precision rounds the position, 16 m away, by 2e-6 m.
+        assert_allclose(
+            found["compromise"], np.max(np.abs(error)) / 16 / tolerance, rtol=1e-3, atol=0.2
+        )
+        assert_allclose(found["distances"], np.linalg.norm(error), rtol=1e-3, atol=4e-6)
 
 
 def test_the_solver_uses_the_structured_jacobian(solver):

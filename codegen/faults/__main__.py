@@ -21,6 +21,7 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ import numpy as np
 import curvcasadi as cc
 from codegen.faults import inputs as faulty
 from codegen.faults.functions import CASES, REALS, Case, export
+from curvcasadi.symbolic.expressions import BOUND_SLACK
 
 CALLS_C = Path(__file__).with_name("calls.c")
 STANDARD = ("-std=c99", "-D_POSIX_C_SOURCE=200809L")
@@ -174,8 +176,8 @@ def _wrong_statuses(
     """What is refused or accepted without reason, and too many problems left unsolved."""
     bad, unclear = faulty.bad(given, bounds(case)), np.zeros(len(statuses), dtype=bool)
     if not case.bounded:
-        turned = _angles(case.beam(real), given[case.weights[0]])
-        bad, unclear = bad | ~(turned <= 1), np.abs(turned - 1) < 1e-5
+        turned, rounding = _angles(case.beam(real), given[case.weights[0]])
+        bad, unclear = bad | ~(turned <= 1), np.abs(turned - 1) <= rounding
     wrong = []
     refused = statuses == BAD_INPUT
     for what, of in (("refused good", refused & ~bad), ("accepted bad", ~refused & bad)):
@@ -190,13 +192,25 @@ def _wrong_statuses(
     return wrong
 
 
-def _angles(beam: cc.Beam, q: Any) -> Any:
-    """Largest squared angle of an element over what is allowed, for each row of weights."""
+def _angles(beam: cc.Beam, q: Any) -> tuple[Any, Any]:
+    """Largest squared angle of an element over what is allowed, and what rounding makes of that.
+
+    An angle is h |Φ q|, midpoint curvatures times lengths: each of n products and sums, and some
+    eight more operations up to the comparison, rounds by at most ε/2 of h |Φ| |q|.
+    """
+    limit = beam.grid.max_angle * (1 + BOUND_SLACK[beam.grid.real])  # as in Python and in C
     symbol = ca.MX.sym("q", beam.basis.n)
-    largest = ca.mmax(cc.squared_element_angles(beam, symbol)) / beam.grid.max_angle**2
+    largest = ca.mmax(cc.squared_element_angles(beam, symbol)) / limit**2
     function = ca.Function("angles", [symbol], [largest]).expand()
-    with np.errstate(over="ignore"):
-        return function.map(len(q))(q.T.astype(float)).full().ravel()
+    q = q.astype(float)
+    with np.errstate(over="ignore", invalid="ignore"):
+        turned = function.map(len(q))(q.T).full().ravel()
+        sizes = []
+        for a, b in pairwise(beam.stations):
+            curvatures = np.abs(q) @ np.abs(np.array(beam.basis((a + b) / 2))).T
+            sizes.append((b - a) * beam.length * np.linalg.norm(curvatures, axis=1))
+        roundings = (beam.basis.n + 8) * np.finfo(REALS[beam.grid.real]).eps
+        return turned, roundings * (np.max(sizes, axis=0) / limit) ** 2
 
 
 def call_by_threads(case: Case, real: str, program: Path) -> None:

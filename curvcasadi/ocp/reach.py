@@ -249,7 +249,7 @@ def _active_bounds(beam: Beam, problem: ReachProblem, q: Array) -> tuple[str, ..
 
 
 def _missed(beam: Beam, targets: list[Target], distances: Array, angles: Array) -> list[str]:
-    """By how much each target is missed by more than its tolerance, in words; "" where it is not."""
+    """By how much each target is missed, in words; "" where it is within its tolerance."""
     remaining_distances, remaining_angles = iter(distances), iter(angles)
     found = []
     for i, target in enumerate(targets):

@@ -377,8 +377,8 @@ class GaussNewton:
             f"{self.name}_accept", [state, *symbols], [self._accepted(s, symbols, excess)]
         )
         merit = ca.Function("merit", [state, *symbols], [symbols[0] + s["penalty"] * excess])
-        size = ca.fabs(s["merit"])
-        rounding = 16 * EPSILON[self.real] * size + self.noise * ca.sqrt(size)
+        merit_size = ca.fabs(s["merit"])
+        rounding = 16 * EPSILON[self.real] * merit_size + self.noise * ca.sqrt(merit_size)
         allowed = s["merit"] + ARMIJO * s["shrink"] * s["change"] + rounding
         worse = ca.logic_and(
             ca.logic_not(merit(state, *at) <= allowed), s["halved"] < self.halvings

@@ -82,6 +82,7 @@ COUNTED: tuple[Section, ...] = (
     loops.suppression,
     tracking.chosen,
     qp.programs,
+    qp.size,
     qp.steps,
     waiting.memory,
 )

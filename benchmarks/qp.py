@@ -24,7 +24,7 @@ from benchmarks.table import Check, Table, checked
 from codegen import benchmark_functions, toolchain
 from curvcasadi.lie import so3
 from curvcasadi.solvers.gauss_newton import GaussNewton
-from curvcasadi.solvers.qp import QP_TOLERANCES, QuadraticProgram
+from curvcasadi.solvers.qp import QP_TOLERANCES, QuadraticProgram, qp_source
 from tests.support.native_qp import NativeQp
 from tests.support.quadratic_programs import residuals
 
@@ -226,6 +226,28 @@ def programs() -> Table:
         for what, (value, high) in rows.items():
             checks.append(Check(what=f"{real}: {what}", value=value, form="{:.0f}", high=high))
     return checked("Quadratic programs of the library's own solvers", checks)
+
+
+def size() -> Table:
+    """Bytes of code of the solver on a Cortex-M4F in single precision."""
+    title = "The quadratic-program solver on a Cortex-M4F, float"
+    missing = toolchain.missing_tools()
+    if missing:
+        return checked(title, [], missing)
+    with tempfile.TemporaryDirectory() as name:
+        source, target = Path(name, "qp.c"), Path(name, "qp.o")
+        prototype = (
+            "int solve(const qp_problem *p, qp_real *x, qp_real *lam, int *side, qp_real *w,"
+        )
+        prototype += " int *set, int *changes)"
+        source.write_text(
+            f"#include <math.h>\n{qp_source('float')}\n{prototype};\n{prototype} {{\n"
+            "  return (int)qp_solve(p, x, lam, side, w, set, changes);\n}\n"
+        )
+        toolchain.compile_c(source, target, "cortex-m4", real="float")
+        printed = toolchain.run(["arm-none-eabi-size", str(target)])
+    text = int(printed.splitlines()[1].split()[0])
+    return checked(title, [Check(what="text, bytes", value=text, form="{:.0f}", high=5 * 1024)])
 
 
 #: Hooks of the self-test that print every call.

@@ -262,8 +262,8 @@ def test_inputs_and_outputs_are_named_by_what_is_asked_for(solver):
 
 
 @pytest.mark.parametrize("real", ["double", "float"])
-def test_a_compromise_of_weights_is_told_by_how_much(real):
-    """By a status that it is usable, by its outputs that the target is missed."""
+def test_a_compromise_of_weights_is_told_by_how_much(tmp_path, real):
+    """By a status that it is usable, by its outputs and the header that the target is missed."""
     wing = replace(hale_wing(2, 3, 1, grid=cc.Grid.uniform(8, real=real)), weight_bounds=0.3)
     target = cc.Target(xi=1.0, position=[0, 16, 0], weight=1.0)
     f = cc.shape_target_function(wing, [target], regularization=1e-4)
@@ -271,6 +271,11 @@ def test_a_compromise_of_weights_is_told_by_how_much(real):
     tolerance = {"double": 1e-6, "float": 1e-5}[real]
     bend = np.full(6, 1e-3)
     native = NativeFunction.compiled(f, wing, [bend, [0, 16, 0]], optimization="-O0")
+    samples = {f.name(): [[bend, [0, 16, 0]]]}
+    cc.export_c([f], tmp_path, real=real, beam=wing, reference_inputs=samples)
+    header = (tmp_path / "curv.h").read_text()
+    assert "`compromise` above 1 says that they are\n" in header
+    assert "compromise (1, 1): largest error of a weighted target" in header
     at_rest = cc.tip_function(wing)(np.zeros(6))[0].full().ravel()
     for position, is_missed in ((at_rest, False), ([0, 16.2, 0], True)):
         status, found = native(np.zeros(6), position)

@@ -33,6 +33,7 @@ from benchmarks import (
     placement,
     predictive,
     qp,
+    solver_cost,
     statics,
     tracking,
     waiting,
@@ -84,6 +85,7 @@ COUNTED: tuple[Section, ...] = (
     qp.programs,
     qp.size,
     qp.steps,
+    solver_cost.against_qrqp,
     waiting.memory,
 )
 #: Times, which are never counted, and C that gcc takes long for.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -24,10 +25,15 @@ class StateParts(NamedTuple):
     of_entry: SpanFunctions
 
     @property
+    def sizes(self) -> list[int]:
+        """Number of states of each pole of lag and entry."""
+        lag, entry = (part.values.shape[1] for part in (self.of_lag, self.of_entry))
+        return [lag] * len(self.lag) + [entry] * len(self.entry)
+
+    @property
     def size(self) -> int:
         """Number of states."""
-        lag, entry = (part.values.shape[1] for part in (self.of_lag, self.of_entry))
-        return int(len(self.lag) * lag + len(self.entry) * entry)
+        return sum(self.sizes)
 
     def values(self, states: AnyExpr) -> AnyExpr:
         """Values at the stations, (poles and entry states, stations), of the states (size, 1)."""
@@ -42,11 +48,9 @@ class StateParts(NamedTuple):
     @property
     def projection(self) -> Array:
         """Rates of the states from those of values at the stations, stacked station by station."""
-        sizes = [self.of_lag.values.shape[1]] * len(self.lag)
-        sizes += [self.of_entry.values.shape[1]] * len(self.entry)
-        count, total = len(self.stations), len(sizes)
+        count, total = len(self.stations), len(self.sizes)
         matrix, start = np.zeros((self.size, count * total)), 0
-        for i, size in enumerate(sizes):
+        for i, size in enumerate(self.sizes):
             functions = self.of_lag if i < len(self.lag) else self.of_entry
             matrix[start : start + size, i::total] = functions.rates
             start += size
@@ -104,3 +108,19 @@ def gained(lag: IndicialLag | None, entry: GustEntry | None, values: AnyExpr) ->
     elif entry is not None:
         entered = ca.DM(entry.poles.amplitudes).T @ of_entry
     return Gained(lagged, ahead, entered)
+
+
+def decays(poles: Sequence[float], sizes: Sequence[int], chords: Sequence[AnyExpr]) -> AnyExpr:
+    """Rates κ/b at which states follow per metre travelled, (states, 1), 1/m.
+
+    Parameters
+    ----------
+    poles : sequence of float
+        Rates κ of the poles of lag and entry, per half chord travelled.
+    sizes : sequence of int
+        Number of states of each.
+    chords : sequence of number or symbol
+        At the stations, m; b is half their mean.
+    """
+    half = sum(chords) / (2 * len(chords))
+    return ca.DM(np.repeat(poles, sizes)) / half

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import casadi as ca
-import numpy as np
 
+from curvcasadi.aero.air_states import decays
 from curvcasadi.aircraft.balance import surface_points
 from curvcasadi.aircraft.flying_wash import wing_wash_function
 from curvcasadi.aircraft.flying_wing import wing_balance_function, wing_mass
@@ -181,10 +181,8 @@ def air_decays(equations: FlightEquations, state: FlightState) -> AnyExpr:
         if part.strips is None or not count:
             continue
         chords = [part.strips.at("chord", xi) for xi in strip_points(part)]
-        half = sum(chords) / (2 * len(chords))
         poles = [rate for series in equations.air.poles for rate in series]
-        spread = np.repeat(poles, equations.air.sizes(part))
-        rates.append(ca.DM(spread) / half)
+        rates.append(decays(poles, equations.air.sizes(part), chords))
     return ca.norm_1(state.twist[3:]) * ca.vertcat(*rates)
 
 

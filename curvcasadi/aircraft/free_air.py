@@ -91,11 +91,8 @@ class FreeAir:
 
     def sizes(self, part: Wing | LiftingSurface) -> list[int]:
         """Number of states of each pole of lag and entry."""
-        lag, entry = map(len, self.poles)
         states = self.states(part)
-        if states is None:
-            return []
-        return [states.of_lag.values.shape[1]] * lag + [states.of_entry.values.shape[1]] * entry
+        return [] if states is None else states.sizes
 
     @property
     def poles(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
+from curvcasadi.aero.air_states import decays
 from curvcasadi.aero.apparent_mass import apparent_mass_matrix
 from curvcasadi.aero.unsteady import UnsteadyAirload
 from curvcasadi.aircraft.parts import Wing
@@ -71,6 +72,10 @@ def equations(
         [ca.densify(x) for x in (masses, damping_matrix(damping, n, made), made)],
     )
     mass, matrix, stiffness = matrices(state["q"], *(values[key] for key in design))
+    chords = [load.strips.at("chord", xi) for xi in load.points]
+    per_metre = ca.MX(decays([*load.parts.lag, *load.parts.entry], load.parts.sizes, chords))
+    of_design = ca.Function("decays", [*design.values()], [per_metre])
+    rates = values["airspeed"] * of_design.call([values[key] for key in design])[0]
     balance, changes = forces(state["q"], state["q_dot"], a, *others)
     balance += matrix @ state["q_dot"]
     return SecondOrder(
@@ -91,4 +96,5 @@ def equations(
             ["x", "p"],
             ["mass", "damping", "stiffness"],
         ),
+        decays=ca.Function(f"{name}_decays", [x, p], [rates], ["x", "p"], ["decays"]),
     )

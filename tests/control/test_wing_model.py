@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import curvcasadi as cc
+from curvcasadi.control.implicit_midpoint import Midpoint, midpoint_solver
 from curvcasadi.dynamics import inverse, system
 from curvcasadi.dynamics.functions import balance_function
 from tests.support.strip_wings import hale
@@ -347,3 +348,32 @@ def test_a_stream_from_behind_and_a_pitch_in_degrees_are_named():
             cc.linearize(model, at, p=p)
         with pytest.raises(ValueError, match=message):
             cc.simulate(model, at, [0.0, 0.01], p=p)
+
+
+def iterations(model, dt, steps=50):
+    """Balances of the implicit midpoint rule in a step, on average, from rest in a gust."""
+    solve = midpoint_solver(Midpoint(model=model, motion=model.second_order))
+    x, counts, forces = np.zeros(model.x.size), [], [np.zeros(solve.numel_in(4))] * 2
+    for k in range(steps):
+        p = [25.0, 0.03, np.sin(3 * k * dt)][: model.p.size]
+        x, _, force, count = solve(x, [], p, dt, 2 * forces[-1] - forces[-2])
+        forces.append(force.full().ravel())
+        counts.append(float(count))
+    return np.mean(counts)
+
+
+def test_lag_states_take_no_further_iterations_of_an_implicit_step():
+    # 5.4 and 8.4 balances a step with lag states, 6.0 and 9.3 without any.
+    wing = hale((3, 4, 2), 4)
+    lagged = make(wing, lag=cc.IndicialLag(poles=3), gust=cc.GustEntry(), outputs=())
+    at_once = make(wing, lag=None, outputs=())
+    slow = replace(lagged, second_order=replace(lagged.second_order, decays=None))
+    for dt in (0.005, 0.02):
+        assert iterations(lagged, dt) <= iterations(at_once, dt)
+        assert iterations(slow, dt) > 1.2 * iterations(lagged, dt)  # the rates are what helps
+
+
+def test_states_decay_at_the_rates_of_the_mean_chord(model):
+    x, _, _, p = values(model)
+    poles = [*np.repeat(cc.IndicialLag(poles=2).rates, 2), 0.13, 1.0]
+    assert_allclose(model.second_order.decays(x, p).full().ravel(), np.multiply(poles, 22.0 / 0.5))

@@ -9,9 +9,9 @@ from curvcasadi.control.damping import modal_damping
 from curvcasadi.control.design import (
     DesignDerivatives,
     design_derivatives,
-    divergence_derivatives,
     flutter_derivatives,
 )
+from curvcasadi.control.divergence import divergence_derivatives
 from curvcasadi.control.error_state import difference, retract
 from curvcasadi.control.flight_modes import (
     FlightMode,

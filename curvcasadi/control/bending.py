@@ -40,12 +40,17 @@ def check_bending(model: ControlModel, x: Array) -> None:
     ValueError
         It names the angle in terms of `Grid.max_angle`.
     """
-    largest = _largest(model, x[:, None])[0]
+    largest = largest_angle(model, x)
     if largest > 1 + BOUND_SLACK[model.real]:
         raise ValueError(
             f"x0: expected every element to turn at most Grid.max_angle, found {largest:.3g} times "
             "as much; weights are in rad/m. Use more elements for such a shape"
         )
+
+
+def largest_angle(model: ControlModel, x: Array) -> float:
+    """Largest angle that an element turns in a state, over what it may; 0 where that is unknown."""
+    return float(_largest(model, x[:, None])[0])
 
 
 def warn_of_bending(model: ControlModel, times: Array, states: Array) -> None:

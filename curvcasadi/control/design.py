@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import casadi as ca
@@ -111,35 +112,25 @@ def design_derivatives(linear: LinearModel, names: Sequence[str]) -> DesignDeriv
         holds an attitude.
     """
     instance("linear", linear, LinearModel)
-    model, motion = linear.model, _motion(linear.model)
-    columns, labels = _columns(model.p, names)
-    n, x, p = motion.velocities, linear.x, linear.p
-    at = {"x": x, "a": np.zeros(n), "u": linear.u, "p": p}
-    equations, output, *along = _functions(model, motion)
-    values = equations(**at)
-    blocks = {key: values[f"by_{key}"].full() for key in ("x", "a", "u", "p")}
-    free = np.r_[0:n, 2 * n : len(x)]
-    right = np.column_stack([values["rest"].full(), blocks["p"][:, columns]])
-    correction, *changes_of_rest = -np.linalg.solve(blocks["x"][:, free], right).T
-    _refuse_motion(x, n, correction)
-    moved = np.zeros((len(x), len(columns)))
-    moved[free] = np.transpose(changes_of_rest)
+    model, motion = linear.model, motion_of(linear.model)
+    columns, labels = columns_of(model.p, names)
+    at = SteadySlopes.of(model, motion, linear.x, linear.u, linear.p)
+    n, output = at.n, _functions(model, motion).output
+    right = np.column_stack([at.rest, at.blocks["p"][:, columns]])
+    correction, *changes_of_rest = -np.linalg.solve(at.tangent, right).T
+    _refuse_motion(at.x, n, correction)
+    moved = np.zeros((len(at.x), len(columns)))
+    moved[at.free] = np.transpose(changes_of_rest)
 
     changes: dict[str, list[Array]] = {key: [] for key in ("A", "B", "B_p", "C", "D", "D_p")}
-    directions = np.zeros((len(columns), len(p)))
-    directions[np.arange(len(columns)), columns] = 1.0
-    sources = output(x=x, u=linear.u, p=p)
-    for by_x, by_p in zip(moved.T, directions, strict=True):
-        seeds = {"fwd_x": by_x, "fwd_a": np.zeros(n), "fwd_p": by_p}
-        seeds["fwd_u"] = np.zeros(len(linear.u))
-        nominal = {f"out_{key}": values[key] for key in equations.name_out()}
-        found = along[0](**at, **nominal, **seeds)
-        slopes = {key: found[f"fwd_by_{key}"].full() for key in blocks}
-        for key, change in _matrices(n, blocks, slopes).items():
+    sources = output(x=at.x, u=at.u, p=at.p)
+    nominal = {f"out_{key}": sources[key] for key in output.name_out()}
+    along = _functions(model, motion).along_output
+    for by_x, by_p in zip(moved.T, np.eye(len(at.p))[columns], strict=True):
+        for key, change in _matrices(n, at.blocks, at.along(by_x, by_p)).items():
             changes[key].append(change)
-        nominal = {f"out_{key}": sources[key] for key in output.name_out()}
-        seeds.pop("fwd_a")
-        found = along[1](x=x, u=linear.u, p=p, **nominal, **seeds)
+        seeds = {"fwd_x": by_x, "fwd_u": np.zeros(len(at.u)), "fwd_p": by_p}
+        found = along(x=at.x, u=at.u, p=at.p, **nominal, **seeds)
         for key in output.name_out():
             changes[key].append(found[f"fwd_{key}"].full())
     arrays = {key: np.array(change) for key, change in changes.items()}
@@ -176,39 +167,7 @@ def flutter_derivatives(found: Flutter, names: Sequence[str]) -> dict[str, Array
     roots, slopes = derived.roots
     k = int(np.argmin(np.abs(roots - 1j * found.frequency)))
     growth = slopes[k].real - GROWTH * np.real(roots[k].conj() * slopes[k]) / abs(roots[k])
-    return _split(found.model.p, names, -growth[1:] / growth[0])
-
-
-def divergence_derivatives(found: Flutter, names: Sequence[str]) -> dict[str, Array]:
-    """Derivatives of the divergence speed by parameters of the model.
-
-    Of a wing whose equilibrium at divergence does not depend on speed and parameters, as that of a
-    straight one in level flow: there a root is zero.
-
-    Parameters
-    ----------
-    found : Flutter
-        With a divergence speed.
-    names : sequence of str
-        Parts of p other than airspeed.
-
-    Returns
-    -------
-    dict of str to array
-        The derivative by each entry of a part, m/s over its unit.
-
-    Raises
-    ------
-    ValueError
-        If there is no divergence, or as `design_derivatives`.
-    """
-    instance("found", found, Flutter)
-    if found.divergence_speed is None or found.divergence_equilibrium is None:
-        raise ValueError("found: expected a sweep with a divergence speed, found none")
-    derived = _at(found, found.divergence_equilibrium, found.divergence_speed, names)
-    roots, slopes = derived.roots
-    k = int(np.argmin(np.abs(roots)))
-    return _split(found.model.p, names, -slopes[k, 1:].real / slopes[k, 0].real)
+    return parts_of(found.model.p, names, -growth[1:] / growth[0])
 
 
 def _at(found: Flutter, x: Array, speed: float, names: Sequence[str]) -> DesignDerivatives:
@@ -220,12 +179,14 @@ def _at(found: Flutter, x: Array, speed: float, names: Sequence[str]) -> DesignD
     return design_derivatives(linearize(found.model, x, found.u, p), ["airspeed", *names])
 
 
-def _split(layout: Layout, names: Sequence[str], values: Array) -> dict[str, Array]:
+def parts_of(layout: Layout, names: Sequence[str], values: Array) -> dict[str, Array]:
+    """Entries of parts of a layout by their names."""
     sizes = [layout.slices[name].stop - layout.slices[name].start for name in names]
     return dict(zip(names, np.split(values, np.cumsum(sizes)[:-1]), strict=True))
 
 
-def _motion(model: ControlModel) -> SecondOrder:
+def motion_of(model: ControlModel) -> SecondOrder:
+    """Its equations of motion, which hold no attitude."""
     if model.second_order is None or any(part.attitude for part in model.x.parts):
         raise ValueError(
             "linear: expected a model with equations of motion and without attitudes, as "
@@ -234,7 +195,8 @@ def _motion(model: ControlModel) -> SecondOrder:
     return model.second_order
 
 
-def _columns(layout: Layout, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
+def columns_of(layout: Layout, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
+    """Indices of the entries of parts, and a label of each."""
     known = [part.name for part in layout.parts]
     found: list[int] = []
     labels: list[str] = []
@@ -256,16 +218,73 @@ def _refuse_motion(x: Array, n: int, correction: Array) -> None:
         )
 
 
-#: What differentiates a model: made once, as long as it lives.
-_MADE: WeakKeyDictionary[ControlModel, tuple[ca.Function, ...]] = WeakKeyDictionary()
+class _Functions(NamedTuple):
+    """What differentiates a model: slopes of its equations and outputs, and both along a line."""
+
+    equations: ca.Function
+    output: ca.Function
+    along_equations: ca.Function
+    along_output: ca.Function
 
 
-def _functions(model: ControlModel, motion: SecondOrder) -> tuple[ca.Function, ...]:
-    """Slopes of the equations and of the outputs, and the derivatives of both along a direction."""
+#: Made once, as long as the model lives.
+_MADE: WeakKeyDictionary[ControlModel, _Functions] = WeakKeyDictionary()
+
+
+def _functions(model: ControlModel, motion: SecondOrder) -> _Functions:
     if model not in _MADE:
         equations, output = _slopes_function(model, motion), _output_function(model)
-        _MADE[model] = equations, output, equations.forward(1), output.forward(1)
+        _MADE[model] = _Functions(equations, output, equations.forward(1), output.forward(1))
     return _MADE[model]
+
+
+@dataclass(frozen=True, eq=False)
+class SteadySlopes:
+    """The equations r about a steady state, and their slopes by x, a, u and p."""
+
+    functions: _Functions
+    x: Array
+    u: Array
+    p: Array
+    values: dict[str, ca.DM]
+    n: int  #: number of velocities
+
+    @classmethod
+    def of(
+        cls, model: ControlModel, motion: SecondOrder, x: Array, u: Array, p: Array
+    ) -> SteadySlopes:
+        """Those of a model at a state, inputs and parameters."""
+        functions, n = _functions(model, motion), motion.velocities
+        return cls(functions, x, u, p, functions.equations(x=x, a=np.zeros(n), u=u, p=p), n)
+
+    @property
+    def rest(self) -> Array:
+        """r, (nv + no,)."""
+        return np.asarray(self.values["rest"].full().ravel())
+
+    @property
+    def blocks(self) -> dict[str, Array]:
+        """Slopes of r by x, a, u and p."""
+        return {key: self.values[f"by_{key}"].full() for key in ("x", "a", "u", "p")}
+
+    @property
+    def free(self) -> Array:
+        """Entries of the state that a steady state may choose: all but velocities."""
+        return np.r_[0 : self.n, 2 * self.n : len(self.x)]
+
+    @property
+    def tangent(self) -> Array:
+        """T = ∂r/∂z, (nv + no, nv + no)."""
+        return self.blocks["x"][:, self.free]
+
+    def along(self, by_x: Array, by_p: Array) -> dict[str, Array]:
+        """Changes of the slopes along a direction of state and parameters."""
+        nominal = {f"out_{key}": value for key, value in self.values.items()}
+        seeds = {"fwd_x": by_x, "fwd_a": np.zeros(self.n), "fwd_p": by_p}
+        at = {"x": self.x, "a": np.zeros(self.n), "u": self.u, "p": self.p}
+        seeds["fwd_u"] = np.zeros(len(self.u))
+        found = self.functions.along_equations(**at, **nominal, **seeds)
+        return {key: found[f"fwd_by_{key}"].full() for key in ("x", "a", "u", "p")}
 
 
 def _slopes_function(model: ControlModel, motion: SecondOrder) -> ca.Function:

@@ -14,11 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from curvcasadi.control.bending import largest_angle
 from curvcasadi.control.model import ControlModel
 from curvcasadi.control.roots import (
     GROWTH,
     OSCILLATING,
     Point,
+    continues,
     extrapolated,
     followed,
     reordered,
@@ -34,6 +36,8 @@ from curvcasadi.symbolic.text import described
 CLIMB = 8
 #: How often an interval is halved where modes change too much to be followed over it.
 HALVINGS = 3
+#: What a function may be where it passes zero, over its values at both sides.
+SHARP = 1e-3
 #: Relative tolerance of speeds.
 TOLERANCE = 1e-9
 
@@ -165,11 +169,10 @@ def flutter(
     points = [_first(sweep, float(grid[0]))]
     message = "an equilibrium at every speed"
     for speed in grid[1:]:
-        point = sweep.at(float(speed), points)
+        point = _next(sweep, points, float(speed))
         if point is None:
-            message = (
-                f"no equilibrium found at {speed:g} m/s: the last speed is {points[-1].speed:g} m/s"
-            )
+            last = f"the last speed is {points[-1].speed:g} m/s"
+            message = f"no equilibrium found at {speed:g} m/s that goes on from there: {last}"
             break
         points.append(_follow(sweep, points, point))
     onset, divergence, success = None, None, len(points) == len(grid)
@@ -223,9 +226,12 @@ class _Sweep(NamedTuple):
         if found is None:
             return None
         x, _ = found
+        if largest_angle(self.steady.model, x) > 1:
+            return None
         slopes = self.steady.slopes(x, self.u, p)
         roots, left, right = eig(self.steady.state_matrix(slopes), left=True, right=True)
-        return Point(speed, x, slopes, roots, left, right)
+        drift = self.steady.drift(x, self.u, p, slopes)
+        return Point(speed, x, slopes, roots, left, right, drift)
 
     def _parameters(self, speed: float) -> Array:
         p = self.p.copy()
@@ -277,6 +283,19 @@ def _first(sweep: _Sweep, speed: float) -> Point:
     return reordered(point, np.lexsort((imaginary < 0, np.abs(real), np.abs(imaginary))))
 
 
+def _next(
+    sweep: _Sweep, points: list[Point], speed: float, halvings: int = HALVINGS
+) -> Point | None:
+    """The wing at the next speed, by way of speeds between where its equilibrium jumps."""
+    point = sweep.at(speed, points)
+    if point is not None and continues(points[-1], point, sweep.steady.n):
+        return point
+    if not halvings:
+        return None
+    middle = _next(sweep, points, (points[-1].speed + speed) / 2, halvings - 1)
+    return None if middle is None else _next(sweep, [*points, middle], speed, halvings - 1)
+
+
 def _follow(sweep: _Sweep, points: list[Point], after: Point, halvings: int = HALVINGS) -> Point:
     """`after` with the modes of the last point, by way of speeds between where these change."""
     ordered, certain = followed(points[-1], after)
@@ -324,4 +343,7 @@ def _bisected(sweep: _Sweep, around: list[Point], function: Callable[[Point], fl
 
     low, high = (point.speed for point in around[-2:])
     speed = brentq(value, low, high, xtol=TOLERANCE * high)
-    return min(known.values(), key=lambda point: abs(point.speed - speed))
+    found = min(known.values(), key=lambda point: abs(point.speed - speed))
+    if abs(function(found)) > SHARP * max(abs(value(low)), abs(value(high))):
+        raise _LostError(f"the equilibrium jumps at {speed:g} m/s,")
+    return found

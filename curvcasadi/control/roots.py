@@ -23,6 +23,9 @@ OSCILLATING = 1e-6
 #: Likeness of eigenvectors that settles which mode is which, whatever the roots say; what is left
 #: of one is too little.
 ALIKE = 0.9
+#: Part of a change of weights by which it may differ from the drift; changes, relative and in
+#: rad/m, that are no more than rounding.
+ON_PATH, UNSEEN, SMALLEST = 0.5, 1e-6, 1e-10
 
 
 class Point(NamedTuple):
@@ -34,6 +37,7 @@ class Point(NamedTuple):
     roots: Array  #: (nx,)
     left: Array  #: left eigenvectors, columns
     right: Array
+    drift: Array  #: dx/dV of the steady state, (nx,)
 
     @property
     def growths(self) -> Array:
@@ -60,6 +64,19 @@ def extrapolated(known: list[Point], speed: float) -> Array:
         weight = np.prod([(speed - v) / (point.speed - v) for v in others])
         total += weight * point.x
     return total
+
+
+def continues(before: Point, after: Point, n: int) -> bool:
+    """Whether the weights, the first `n` of a state, go from one point to the other as they drift.
+
+    What they do is compared to the mean of both drifts: on one path of equilibria the difference is
+    of the third order in the step, between two paths of the size of the change.
+    """
+    change = (after.x - before.x)[:n]
+    drift = (before.drift + after.drift)[:n] * (after.speed - before.speed) / 2
+    size = float(np.linalg.norm(change))
+    unseen = UNSEEN * max(float(np.linalg.norm(x[:n])) for x in (before.x, after.x)) + SMALLEST
+    return size <= unseen or float(np.linalg.norm(change - drift)) <= ON_PATH * size
 
 
 def summits(points: list[Point]) -> list[float]:

@@ -26,6 +26,8 @@ CONTRACTION = 0.5
 #: Of corrections: relative, and of curvatures in rad/m or lag states over the airspeed.
 RELATIVE, ABSOLUTE = 1e-10, 1e-13
 MOST_CORRECTIONS = 40
+#: Relative step of differences over the airspeed.
+STEP = 1e-5
 SHORTEST = 2.0**-6
 
 
@@ -75,6 +77,20 @@ class SteadyStates:
         accelerations = -np.linalg.solve(slopes.by_acceleration[:n], slopes.by_state[:n])
         others = slopes.by_state[n:] + slopes.by_acceleration[n:] @ accelerations
         return np.vstack([self._kinematics, accelerations, others])
+
+    def drift(self, x: Array, u: Array, p: Array, slopes: Slopes) -> Array:
+        """dx/dV of a steady state, (nx,), by a difference of the residual over the airspeed."""
+        at = self.model.p.slices["airspeed"]
+        step = STEP * p[at]
+        ends = [p.copy(), p.copy()]
+        ends[0][at] -= step
+        ends[1][at] += step
+        low, high = (self.residual(x, u, end) for end in ends)
+        moved = self._correction(slopes, (high - low) / (2 * step))
+        drift = np.zeros_like(x)
+        if moved is not None:
+            drift[self.free] = moved
+        return drift
 
     def settle(
         self, start: Array, u: Array, p: Array, slopes: Slopes | None = None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -194,6 +196,54 @@ def test_flutter_and_divergence_by_sweep():
         central = [(speed(s) - speed(-s)) / (2 * s) for s in (2e-3, 1e-3)]
         expected = (4 * central[1] - central[0]) / 3
         assert_allclose(derivatives(found, ["sweep"])["sweep"].item(), expected, rtol=1e-6)
+
+
+BENT = {"EI": 2e4, "GJ": 1e4, "chord": 1.0, "sweep": 0.05, "ahead": 0.25, "drag": 0.3, "EI_z": 2e4}
+
+
+@pytest.fixture(scope="module")
+def dragged():
+    """A wing of a symmetric airfoil that its drag bends, in its plane, by half a radian."""
+    symbols = {name: ca.MX.sym(name) for name in BENT}
+    known = {key: value for key, value in symbols.items() if key in DESIGN}
+    plain = wing(**{**NUMBERS, "aft": 0.0, **known})
+    beam = replace(plain.beam, section=replace(plain.beam.section, EI_z=symbols["EI_z"]))
+    strips = replace(plain.strips, profile_drag=symbols["drag"])
+    return cc.wing_model(
+        replace(plain, beam=beam, strips=strips),
+        parameters=symbols,
+        density=0.0889,
+        gravity=0.0,
+        lag=cc.IndicialLag(poles=2, modes=2),
+        outputs=(),
+    )
+
+
+@pytest.fixture(scope="module")
+def diverged(dragged):
+    return cc.flutter(dragged, [24.0, 28.0, 32.0, 36.0], p=BENT)
+
+
+@pytest.mark.parametrize("name", BENT)
+def test_divergence_of_a_wing_that_is_bent_in_its_plane(name, dragged, diverged):
+    at, step = diverged.divergence_speed, 4e-3 * BENT[name] if name != "sweep" else 2e-3
+    assert abs(diverged.divergence_equilibrium[4]) * 16 > 0.4
+
+    def central(step):
+        around = [at - 2, at - 0.5, at + 1]
+        ends = [
+            cc.flutter(dragged, around, p={**BENT, name: BENT[name] + s}).divergence_speed
+            for s in (step, -step)
+        ]
+        return (ends[0] - ends[1]) / (2 * step)
+
+    got = cc.divergence_derivatives(diverged, [*BENT])[name].item()
+    assert_allclose(got, (4 * central(step / 2) - central(step)) / 3, rtol=1e-6)
+
+
+def test_what_bends_a_wing_as_it_diverges_has_no_divergence_speed(diverged):
+    with pytest.raises(ValueError, match=r"found pitch\[0\]"):
+        cc.divergence_derivatives(diverged, ["EI", "pitch"])
 
 
 def test_a_nonlinear_program_takes_the_flutter_speed(model):

@@ -40,7 +40,7 @@ def check_bending(model: ControlModel, x: Array) -> None:
     ValueError
         It names the angle in terms of `Grid.max_angle`.
     """
-    largest = largest_angle(model, x)
+    largest = _largest(model, x[:, None])[0]
     if largest > 1 + BOUND_SLACK[model.real]:
         raise ValueError(
             f"x0: expected every element to turn at most Grid.max_angle, found {largest:.3g} times "
@@ -48,19 +48,17 @@ def check_bending(model: ControlModel, x: Array) -> None:
         )
 
 
-def largest_angle(model: ControlModel, x: Array) -> float:
-    """Largest angle that an element turns in a state, over what it may; 0 where that is unknown."""
-    return float(_largest(model, x[:, None])[0])
-
-
-def warn_of_bending(model: ControlModel, times: Array, states: Array) -> None:
-    """Warn where states (nx, T) of a simulation first turn an element too far."""
+def warn_of_bending(
+    model: ControlModel, at: Array, states: Array, what: str = "simulate", unit: str = "s"
+) -> None:
+    """Warn where states (nx, T) at times or speeds (T,) first turn an element too far."""
     largest = _largest(model, states)
     beyond = np.flatnonzero(largest > 1 + BOUND_SLACK[model.real])
     if beyond.size:
-        first, most = times[beyond[0]], largest.max()
+        first, most = at[beyond[0]], largest.max()
+        name = "t" if unit == "s" else "V"
         warnings.warn(
-            f"simulate: from t = {first:g} s on elements turn by up to {most:.3g} times "
+            f"{what}: from {name} = {first:g} {unit} on elements turn by up to {most:.3g} times "
             "Grid.max_angle, where the motion is not exact; use more elements",
             stacklevel=3,
         )

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvcasadi.control.bending import largest_angle
+from curvcasadi.control.bending import warn_of_bending
 from curvcasadi.control.model import ControlModel
 from curvcasadi.control.roots import (
     GROWTH,
@@ -36,6 +36,8 @@ from curvcasadi.symbolic.text import described
 CLIMB = 8
 #: How often an interval is halved where modes change too much to be followed over it.
 HALVINGS = 3
+#: How often where its equilibrium changes too much.
+STEEP = 6
 #: What a function may be where it passes zero, over its values at both sides.
 SHARP = 1e-3
 #: Relative tolerance of speeds.
@@ -181,6 +183,8 @@ def flutter(
         divergence = _crossing(sweep, points, sweep.singularity(points[0]), both=True)
     except _LostError as lost:
         message, success = f"{lost} between two of the speeds; {message}", False
+    states = np.array([point.x for point in points])
+    warn_of_bending(model, np.array([point.speed for point in points]), states.T, "flutter", "m/s")
     mode = None if onset is None else scaled(onset.right[:, onset.growing], sweep.steady.n)
     return Flutter(
         model=model,
@@ -191,7 +195,7 @@ def flutter(
         equilibrium=None if onset is None else onset.x,
         divergence_speed=None if divergence is None else divergence.speed,
         roots=np.array([point.roots for point in points]),
-        equilibria=np.array([point.x for point in points]),
+        equilibria=states,
         divergence_equilibrium=None if divergence is None else divergence.x,
         u=held,
         p=at,
@@ -226,8 +230,6 @@ class _Sweep(NamedTuple):
         if found is None:
             return None
         x, _ = found
-        if largest_angle(self.steady.model, x) > 1:
-            return None
         slopes = self.steady.slopes(x, self.u, p)
         roots, left, right = eig(self.steady.state_matrix(slopes), left=True, right=True)
         drift = self.steady.drift(x, self.u, p, slopes)
@@ -283,9 +285,7 @@ def _first(sweep: _Sweep, speed: float) -> Point:
     return reordered(point, np.lexsort((imaginary < 0, np.abs(real), np.abs(imaginary))))
 
 
-def _next(
-    sweep: _Sweep, points: list[Point], speed: float, halvings: int = HALVINGS
-) -> Point | None:
+def _next(sweep: _Sweep, points: list[Point], speed: float, halvings: int = STEEP) -> Point | None:
     """The wing at the next speed, by way of speeds between where its equilibrium jumps."""
     point = sweep.at(speed, points)
     if point is not None and continues(points[-1], point, sweep.steady.n):

@@ -26,6 +26,9 @@ CONTRACTION = 0.5
 #: Of corrections: relative, and of curvatures in rad/m or lag states over the airspeed.
 RELATIVE, ABSOLUTE = 1e-10, 1e-13
 MOST_CORRECTIONS = 40
+#: Forces that a small correction may still find, over elastic ones, and over those of a curvature,
+#: rad/m.
+BALANCED, STRAIGHT = 1e-4, 1e-9
 #: Relative step of differences over the airspeed.
 STEP = 1e-5
 SHORTEST = 2.0**-6
@@ -139,7 +142,7 @@ class SteadyStates:
             fresh, before = False, size
             x[self.free] += step
             if self._small(step, x, p):
-                return x, slopes
+                return (x, slopes) if self._balanced(left, x) else None
         return None
 
     def _correction(self, slopes: Slopes, left: Array) -> Array | None:
@@ -152,6 +155,15 @@ class SteadyStates:
         """Of the configuration's part, by the energy that it costs."""
         bent = step[: self.n]
         return float(np.sqrt(max(float(bent @ self._stiffness @ bent), 0.0)))
+
+    def _balanced(self, left: Array, x: Array) -> bool:
+        """Whether what was left is little beside elastic forces.
+
+        Elements that turn by many radians are so stiff that corrections are small whatever is left.
+        """
+        elastic = np.linalg.norm(self._stiffness @ x[: self.n])
+        least = STRAIGHT * np.linalg.norm(self._stiffness)
+        return bool(np.linalg.norm(left[: self.n]) <= BALANCED * elastic + least)
 
     def _small(self, step: Array, x: Array, p: Array) -> bool:
         speed = float(p[self.model.p.slices["airspeed"]][0])

@@ -18,7 +18,7 @@ def wing(tmp_path):
     text = template("wing").replace("n = 3", "n = 2")
     for line in ("[airstream]", "density", "velocity"):
         text = text.replace(f"# {line}", line)
-    path.write_text(text.replace("elements = 12", "elements = 4"))
+    path.write_text(text.replace("elements = 12", "elements = 8"))
     return path
 
 

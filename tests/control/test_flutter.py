@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -145,3 +148,25 @@ def test_modes_that_change_much_between_speeds_are_followed_by_way_of_speeds_bet
     coarse = cc.flutter(model, [6.0, 9.0])
     fine = cc.flutter(model, np.linspace(6.0, 9.0, 7))
     assert_allclose(coarse.roots, fine.roots[[0, -1]], rtol=1e-6)
+
+
+def test_equilibria_of_coarse_sweeps_are_on_the_path_of_fine_ones():
+    # Weight bends this wing, swept forward, down; its lift turns it up near the speed at which it
+    # would diverge if it were straight. There three equilibria are near each other.
+    angle = 0.05
+    turned = [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+    wing = hale((2, 2, 1), 3)
+    root = cc.Pose(rotation=wing.beam.root.rotation @ ca.DM(turned), position=[0, 0, 0])
+    strips = replace(wing.strips, upper_side=1)
+    model = cc.wing_model(
+        replace(wing, beam=replace(wing.beam, root=root), strips=strips),
+        density=0.0889,
+        lag=cc.IndicialLag(poles=2, modes=2),
+        outputs=(),
+    )
+    for pitch in (0.0125, 0.0135):
+        p = {"pitch": pitch}
+        fine = cc.flutter(model, np.arange(20, 40.1, 0.5), p=p)
+        coarse = cc.flutter(model, np.arange(20, 40.1, 4.0), p=p)
+        assert coarse.success and coarse.divergence_speed is None
+        assert_allclose(coarse.equilibria, fine.equilibria[::8], atol=1e-7)

@@ -69,6 +69,15 @@ def pazy(case, beam, *, varying=True, suction=1.0):
     return cc.Wing(name="pazy", beam=beam, strips=strips)
 
 
+def last_growth(found):
+    """Speed at which the mode that flutters grows no more: linear between two of the sweep, m/s."""
+    growths = np.where(found.roots.imag > 0, found.roots.real / np.abs(found.roots), -1.0)
+    mode = growths[:, np.argmax(np.sum(growths > 1e-5, axis=0))]
+    k = np.flatnonzero(mode > 0)[-1]
+    share = mode[k] / (mode[k] - mode[k + 1])
+    return found.speeds[k] + share * (found.speeds[k + 1] - found.speeds[k])
+
+
 def tang_dowell(case, weights=(3, 5, 4), elements=6):
     """The wing of D16, whose tip store is slender along the chord."""
     data, chord = case["section"], 0.0508

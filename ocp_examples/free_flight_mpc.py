@@ -1,14 +1,18 @@
-"""Can a flexible aircraft hold its height and its root moments in a gust?
+"""Can a flexible aircraft hold its height and its root moments in a gust, by its sensors?
 
-    min_u  ½ Σ_k (h_k/0.3)² + (V_k − V)² + Σ_wings ((M_k − M_trim)/50)² + |v_k|² + |v_k − v_{k−1}|²
+    min_u  ½ Σ_k (h_k/0.2)² + (V_k/0.5)² + Σ_wings (M_k/150)² + |v_k|² + |w_k − w_{k−1}|²
 
-h is the height, V the airspeed, M the root moment, v = 0.3 u over its limits, beside trim. The HALE
-aircraft flies level at 25 m/s and meets a 1-cosine gust of 2 m/s that lasts 1.5 s. Two flaps along
-each wing, the elevator and the thrust answer. The aircraft is finer than the model of the
-controller: more weights and elements, states of the air for each strip, steps of 10 ms, actuators
-that follow their commands with a lag of 20 ms at their largest rate. The controller sees how far
-the state is from trim, and the gust of the present moment, which it takes for the one to come.
-`--animate` writes a GIF.
+Height h, airspeed V, root moments M and inputs u are changes from calm air; v = 2 u, of the outer
+flaps 5 u, and w = 0.4 u over their limits. The HALE aircraft flies level at some 25 m/s and meets a
+1-cosine gust of 2 m/s that lasts 1.5 s. Two flaps along each wing, the elevator and the thrust
+answer. They follow their commands with a lag of 20 ms at their largest rate.
+
+The aircraft that flies is not the model: it has more weights, elements and states of the air, GJ
+and EI differ by up to 10 %, mass by 5 %, airspeed by 1 m/s, as a seed draws them. Two IMUs and two
+strain gauges on each wing, height and airspeed are read at 40 Hz with noise, 25 ms late, and one
+sample in twenty is missing. An extended Kalman filter on the model estimates state and gust, and
+the controller takes this gust for the one to come. With the true state and the true gust of the
+moment it is what full knowledge would give. `--animate` writes a GIF of the flight with the filter.
 """
 
 import argparse
@@ -16,6 +20,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -23,14 +28,29 @@ import curvcasadi as cc
 from curvcasadi.plotting import animate_flight
 
 AIRCRAFT = Path(__file__).parent / "hale_aircraft.toml"
-DENSITY, SPEED = 0.0889, 25.0  # kg/m³, m/s
-GUST = cc.OneMinusCosine(amplitude=2.0, duration=1.5, start=0.5)
-DT, HORIZON, END = 0.05, 20, 6.0
-FINE, LAG = 0.01, 0.02  # s: step of the plant; lag of the actuators
+DENSITY, SPEED, GRAVITY = 0.0889, 25.0, 9.80665  # kg/m³, m/s, m/s²
+GUST = cc.OneMinusCosine(amplitude=2.0, duration=1.5, start=2.5)
+CALM, END = 2.0, 8.0  # s: when the controller takes over; end of the flight
+DT, HORIZON = 0.05, 20  # s; stages
+SAMPLE, LATE, MISSING = 0.025, 1, 0.05  # s; samples; share of them
+FINE, LAG = 0.005, 0.02  # s: step of the plant; lag of the actuators
+VARIED, FASTER = np.array([0.1, 0.1, 0.05]), 1.0  # GJ, EI, mass; m/s
 LIMITS = {"inner": 0.26, "outer": 0.26, "elevator": 0.2, "thrust": 8.0}  # beside trim; rad, N
+EFFORT = {"inner": 2.0, "outer": 5.0, "elevator": 2.0, "thrust": 2.0}
 RATES = {"inner": 1.0, "outer": 1.0, "elevator": 1.0, "thrust": 10.0}  # per second
-MODEL = {"weights": (2, 3, 1), "elements": 4, "modes": 2, "entry": 1}
+MODEL = {"weights": (2, 3, 0), "elements": 4, "modes": 3, "entry": 1}
 PLANT = {"weights": (3, 4, 2), "elements": 8, "modes": None, "entry": None}
+FAMILIES = {"model": cc.FreeTip, "plant": cc.Legendre}
+IMUS, GAUGES = (0.0, 0.5), (0.05, 0.4)  # stations
+KEPT = ("height", "airspeed", "root_moment_right", "root_moment_left")
+READ = ("angular_rate", "acceleration")  # by an IMU
+OUTPUTS = {"model": KEPT, "plant": (*KEPT, *(f"{k}_{s}" for k in READ for s in ("right", "left")))}
+NOISE = {"angular_rate": 1e-3, "acceleration": 2e-2, "strain": 1e-5, "height": 0.1, "airspeed": 0.1}
+# What the filter takes it for: its model knows rates, accelerations and strains no better.
+TAKEN = NOISE | {"angular_rate": 1.5e-2, "acceleration": 0.1, "strain": 5e-4}
+DRIVEN = {"twist": [3e-3] * 3 + [4e-2] * 3, "q_dot": 0.05, "lag": 0.01, "gust": 1.2}  # unit/√s
+START = {"quaternion_wxyz": 0.02, "position": 0.3, "twist": [0.01] * 3 + [0.5] * 3}
+START |= {"q": 3e-3, "q_dot": 0.02, "lag": 0.3, "gust": 0.5}
 COMPILED = True
 
 
@@ -43,96 +63,225 @@ class Flyer(NamedTuple):
     u: np.ndarray
 
 
-def flyer(name, weights, elements, modes, entry):
-    """The aircraft with two flaps along each wing, as fine as asked for."""
+def flyer(name, weights, elements, modes, entry, varied=(1.0, 1.0, 1.0), speed=SPEED):
+    """The aircraft with two flaps along each wing; `varied` are factors of GJ, EI and mass."""
     aircraft = cc.load_aircraft(AIRCRAFT)
     wing = aircraft.beams[0]
-    channels = zip(("torsion", "out_of_plane", "in_plane"), weights, strict=True)
-    basis = cc.ChannelBasis(**{key: cc.Legendre(n) for key, n in channels})
+    orders = {"torsion": 1, "out_of_plane": 2, "in_plane": 2}
+    basis = cc.ChannelBasis(
+        **{
+            key: cc.FreeTip(n, order) if name == "model" else cc.Legendre(n)
+            for (key, order), n in zip(orders.items(), weights, strict=True)
+            if n
+        }
+    )
     flaps = tuple(
         cc.ControlSurface(name=key, start=start, end=end, lift=3.5, moment=-0.6)
         for key, start, end in (("inner", 0.2, 0.6), ("outer", 0.6, 0.95))
     )
-    beam = replace(wing.beam, basis=basis, grid=cc.Grid.lobatto(elements))
+    section, (gj, ei, mass) = wing.beam.section, varied
+    factors = {"GJ": gj, "EI_y": ei, "EI_z": ei, "mass_per_length": mass}
+    section = replace(section, **{key: k * getattr(section, key) for key, k in factors.items()})
+    beam = replace(wing.beam, basis=basis, grid=cc.Grid.lobatto(elements), section=section)
     right = replace(wing, beam=beam, strips=replace(wing.strips, controls=flaps))
-    aircraft = replace(aircraft, beams=(right, cc.mirror_wing(right, "left")))
+    body = replace(aircraft.body, mass=mass * aircraft.body.mass)
+    aircraft = replace(aircraft, body=body, beams=(right, cc.mirror_wing(right, "left")))
     model = cc.aircraft_model(
         aircraft,
         density=DENSITY,
+        gravity=GRAVITY,
         lag=cc.IndicialLag(poles=2, modes=modes),
         gust=cc.GustEntry(modes=entry),
         damping=2e-3,
-        outputs=("height", "airspeed", "root_moment_right", "root_moment_left"),
+        outputs=OUTPUTS[name],
+        stations=IMUS,
         name=name,
     )
-    clean = {"inner": 0.0, "outer": 0.0}
-    trim = cc.trim(aircraft, speed=SPEED, density=DENSITY, inputs=clean)
+    clean, bounds = {"inner": 0.0, "outer": 0.0}, {"elevator": (-0.8, 0.8)}
+    trim = cc.trim(aircraft, speed=speed, density=DENSITY, inputs=clean, bounds=bounds)
     return Flyer(aircraft, model, *cc.trimmed_state(model, trim))
 
 
-def controller(plant, small):
-    """A real-time iteration every 50 ms, of changes from trim: x, gust -> change of the inputs."""
-    names = [part.name for part in small.model.u.parts]
-    trim = dict(zip(names, small.u, strict=True))
-    moment = {f"root_moment_{side}": [0.0, 1 / 50**2, 0.0] for side in ("right", "left")}
-    effort = {key: (0.3 / most) ** 2 for key, most in LIMITS.items()}
-    mpc = cc.Mpc(
-        small.model,
-        dt=DT,
-        horizon=HORIZON,
-        outputs={"height": 1 / 0.3**2, "airspeed": 1.0, **moment},
-        inputs=effort,
-        moves=effort,
-        bounds={key: (trim[key] - most, trim[key] + most) for key, most in LIMITS.items()},
-        rate_bounds=RATES,
-        u_trim=trim,
-        compiled=COMPILED,
+def compiled(f):
+    return cc.compile_function(f, derivatives=0) if COMPILED else f
+
+
+def sensors(noise):
+    """Sensors of a wing, whose samples have the standard deviations `noise`."""
+    gyro, accelerometer = (noise[key] * SAMPLE**0.5 for key in READ)  # densities
+    return (
+        *(cc.RateGyro(xi=xi, noise_density=gyro, rate=1 / SAMPLE) for xi in IMUS),
+        *(cc.Accelerometer(xi=xi, noise_density=accelerometer, rate=1 / SAMPLE) for xi in IMUS),
+        *(cc.StrainGauge(xi=xi, offset=[0, 0.05], noise=noise["strain"]) for xi in GAUGES),
     )
-    reference = small.model.y.split(small.model.output(small.x, small.u, 0))
-    rest = cc.project_state(plant.model, plant.x, small.model)
-
-    def control(x, gust):
-        seen = cc.project_state(plant.model, x, small.model)
-        away = cc.difference(small.model, rest, seen)
-        step = mpc.step(cc.retract(small.model, small.x, away), [gust], reference)
-        return step.u - small.u
-
-    return control
 
 
-def fly(plant, control):
-    """The flight while `control` changes the inputs, which follow with a lag."""
-    model = plant.model
-    step = cc.compile_function(
-        cc.step_function(model, FINE, method="implicit_midpoint"), derivatives=0
-    )
-    output = cc.compile_function(model.output, derivatives=0)
-    most = FINE * np.array([RATES[part.name] for part in model.u.parts])
-    x, at, states, inputs, outputs = plant.x, np.zeros(model.u.size), [], [], []
-    times = FINE * np.arange(round(END / FINE) + 1)
-    for k, t in enumerate(times):
-        gust = float(GUST(t))
-        if k % round(DT / FINE) == 0:
-            command = control(x, gust)
-        states.append(x)
-        inputs.append(plant.u + at)
-        outputs.append(output(x, plant.u + at, gust).full()[:, 0])
-        at = at + np.clip((command - at) * (1 - np.exp(-FINE / LAG)), -most, most)
-        x, residual = step(x, plant.u + at, float(GUST(t + FINE / 2)))
+class Plant:
+    """The aircraft that flies, with its actuators and what its sensors read."""
+
+    def __init__(self, seed):
+        draws = np.random.default_rng(seed).uniform(-1, 1, 4)
+        varied, speed = 1 + VARIED * draws[:3], SPEED + FASTER * draws[3]
+        self.trim = trim = flyer("plant", **PLANT, varied=varied, speed=speed)
+        self.model = model = trim.model
+        self.step = compiled(cc.step_function(model, FINE, method="implicit_midpoint"))
+        sizes = {"x": model.x.size, "u": model.u.size, "p": model.p.size}
+        x, u, p = (ca.MX.sym(key, size) for key, size in sizes.items())
+        y = model.output(x, u, p)
+        parts, outputs, readings = model.x.split(x), model.y.split(y), []
+        for wing in trim.aircraft.beams:
+            gauges = sensors(NOISE)[-len(GAUGES) :]
+            readings += [(key, outputs[f"{key}_{wing.name}"]) for key in READ]
+            strains = cc.measure(gauges, wing.beam, parts[f"q_{wing.name}"]).values
+            readings.append(("strain", strains))
+        readings += [(key, outputs[key]) for key in ("height", "airspeed")]
+        names, values = zip(*readings, strict=True)
+        self.read = compiled(ca.Function("read", [x, u, p], [y, ca.vertcat(*values)]))
+        self.noise = np.repeat([NOISE[key] for key in names], [v.numel() for v in values])
+        self.most = FINE * np.array([RATES[part.name] for part in model.u.parts])
+
+    def after(self, time, x, at, command):
+        """State and changes of the inputs after a step in which `command` is held."""
+        at = at + np.clip((command - at) * (1 - np.exp(-FINE / LAG)), -self.most, self.most)
+        x, residual = self.step(x, self.trim.u + at, float(GUST(time + FINE / 2)))
         if not residual < 1e-8:
-            raise ArithmeticError(f"the step at {t:.2f} s does not converge")
-        x = x.full()[:, 0]
+            raise ArithmeticError(f"the step at {time:.3f} s does not converge")
+        return x.full()[:, 0], at
+
+
+class TrueState:
+    """What nobody has: the state, and the gust of the moment."""
+
+    def __init__(self, plant, small):
+        self.plant, self.small = plant.model, small.model
+
+    def seen(self, x, gust, readings, u):
+        return cc.project_state(self.plant, x, self.small), gust
+
+
+class Filter:
+    """An extended Kalman filter on the model, from readings that are late."""
+
+    def __init__(self, small, native=False):
+        """`native` flies faster, but takes a minute to compile."""
+        model = small.model
+        kinds = {"gust": "gust"}  # by name of the part
+        for part in model.x.parts:
+            kinds[part.name] = next(key for key in sorted(START)[::-1] if part.name.startswith(key))
+        density = {name: DRIVEN[kind] for name, kind in kinds.items() if kind in DRIVEN}
+        process = cc.ModelProcess(
+            model=model, density=density, estimated={"gust": None}, acceleration=0.4
+        )
+        outputs = {key: TAKEN[key] for key in ("height", "airspeed")}
+        root = cc.RootMotion(gravity=[0, 0, GRAVITY])
+        on_wings = dict.fromkeys(("right", "left"), sensors(TAKEN))
+        self.ekf = ekf = cc.shape_ekf(
+            small.aircraft, on_wings, process=process, root=root, outputs=outputs
+        )
+        functions = ekf.predict, ekf.update
+        self.predict, self.update = map(compiled, functions) if native else functions
+        deviation = {name: START[kind] for name, kind in kinds.items()}
+        mean = {key: small.x[where] for key, where in model.x.slices.items()}
+        start = ekf.initial(deviation, mean)
+        self.start = start.state, start.factor
+        self.ahead = compiled(cc.step_function(model, SAMPLE))
+        self.nx = model.x.size
+        self.reset()
+
+    def reset(self):
+        self.belief, self.late = self.start, []
+
+    def seen(self, x, gust, readings, u):
+        """State and gust of the present from readings of the past, all but the last `LATE`."""
+        self.late.append((readings, u))
+        if len(self.late) > LATE:
+            taken, then = self.late.pop(0)
+            belief = self.predict(*self.belief, SAMPLE, then)
+            self.belief = self.update(*belief, taken, then)[:2]
+        state = np.asarray(self.belief[0]).ravel()
+        x, gust = state[: self.nx], state[self.nx]
+        for _, held in self.late:
+            x = self.ahead(x, held, gust)[0]
+        return np.asarray(x).ravel(), gust
+
+
+class Controller:
+    """A real-time iteration every 50 ms, of changes from what was seen in calm air."""
+
+    def __init__(self, small):
+        self.small = small
+        names = [part.name for part in small.model.u.parts]
+        trim = dict(zip(names, small.u, strict=True))
+        moment = {f"root_moment_{side}": [0.0, 1 / 150**2, 0.0] for side in ("right", "left")}
+        self.mpc = cc.Mpc(
+            small.model,
+            dt=DT,
+            horizon=HORIZON,
+            outputs={"height": 1 / 0.2**2, "airspeed": 1 / 0.5**2, **moment},
+            inputs={key: (EFFORT[key] / most) ** 2 for key, most in LIMITS.items()},
+            moves={key: (0.4 / most) ** 2 for key, most in LIMITS.items()},
+            bounds={key: (trim[key] - most, trim[key] + most) for key, most in LIMITS.items()},
+            rate_bounds=RATES,
+            u_trim=trim,
+            compiled=COMPILED,
+        )
+        self.reference = small.model.y.split(small.model.output(small.x, small.u, 0))
+        self.reset()
+
+    def reset(self):
+        self.mpc.reset()
+        self.calm = []
+
+    def away(self, x):
+        """How far a state is from trim."""
+        return cc.difference(self.small.model, self.small.x, x).full()[:, 0]
+
+    def wait(self, x, gust):
+        """See calm air."""
+        self.calm.append([*self.away(x), gust])
+
+    def change(self, x, gust):
+        """Changes of the inputs."""
+        rest = np.mean(self.calm[-len(self.calm) // 3 :], axis=0)
+        x = cc.retract(self.small.model, self.small.x, self.away(x) - rest[:-1])
+        return self.mpc.step(x, [gust - rest[-1]], self.reference).u - self.small.u
+
+
+def fly(plant, observer=None, controller=None, seed=0):
+    """A flight with trimmed controls, or of a controller that sees what `observer` does."""
+    trim, rng = plant.trim, np.random.default_rng(seed)
+    x, at = trim.x, np.zeros(len(trim.u))
+    command, rows = at, []
+    for k in range(round(END / SAMPLE)):
+        time = k * SAMPLE
+        y, readings = (v.full()[:, 0] for v in plant.read(x, trim.u + at, float(GUST(time))))
+        rows.append((time, x, trim.u + at, [float(GUST(time))], y))
+        if controller is not None:
+            readings = readings + plant.noise * rng.normal(size=len(readings))
+            readings[rng.random(len(readings)) < MISSING] = np.nan
+            seen = observer.seen(x, float(GUST(time)), readings, trim.u + at)
+            if k % round(DT / SAMPLE) == 0:
+                if time < CALM:
+                    controller.wait(*seen)
+                else:
+                    command = controller.change(*seen)
+        for j in range(round(SAMPLE / FINE)):
+            x, at = plant.after(time + j * FINE, x, at, command)
+    times, *columns = (np.array(column).T for column in zip(*rows, strict=True))
+    keys = dict(zip("xupy", columns, strict=True))
     return cc.Simulation(
-        model=model,
-        t=times,
-        x=np.array(states).T,
-        u=np.array(inputs).T,
-        p=np.array([[float(GUST(t)) for t in times]]),
-        y=np.array(outputs).T,
-        iterations=0.0,
-        success=True,
-        message="flown",
+        model=plant.model, t=times, **keys, iterations=0.0, success=True, message="flown"
     )
+
+
+def simulate(plant, small, controller, ekf, seed):
+    """The flights of an aircraft, by what its controller knows."""
+    flights = {"trimmed controls": fly(plant)}
+    for name, observer in {"MPC, true state": TrueState(plant, small), "MPC and EKF": ekf}.items():
+        ekf.reset()
+        controller.reset()
+        flights[name] = fly(plant, observer, controller, seed)
+    return flights
 
 
 def peaks(flight):
@@ -145,36 +294,38 @@ def peaks(flight):
 def plot(flights):
     figure = Figure(figsize=(7, 7), layout="constrained")
     height, bending, deflection = figure.subplots(3, 1, sharex=True)
-    for (name, flight), color in zip(flights.items(), ("0.6", "tab:blue"), strict=True):
+    for (name, flight), color in zip(flights.items(), ("0.6", "black", "tab:blue"), strict=True):
         moment = -flight.part("root_moment_right")[1]
-        height.plot(flight.t, flight.part("height")[0], color=color, label=name)
+        label = f"{name} and gust: full knowledge" if "true" in name else name
+        height.plot(flight.t, flight.part("height")[0], color=color, label=label)
         bending.plot(flight.t, moment - moment[0], color=color)
     for key in ("inner", "outer", "elevator"):
         change = np.degrees(flight.part(key)[0])
         deflection.plot(flight.t, change - change[0], label=key)
     height.set(ylabel="height [m]")
     bending.set(ylabel="root bending,\nchange [N m]")
-    deflection.set(xlabel="time [s]", ylabel="deflection by MPC\nbeside trim [°]")
+    deflection.set(xlabel="time [s]", ylabel="deflection by MPC and EKF,\nbeside trim [°]")
     for axes in (height, bending, deflection):
+        axes.axvspan(GUST.start, GUST.start + GUST.duration, color="0.95")
         axes.grid(color="0.9")
     height.legend(frameon=False)
     deflection.legend(frameon=False, ncols=3)
     return figure
 
 
-def main(directory=Path("out"), animate=False):
-    plant, small = flyer("plant", **PLANT), flyer("model", **MODEL)
-    flights = {
-        "trimmed controls": fly(plant, lambda x, gust: np.zeros(len(plant.u))),
-        "MPC": fly(plant, controller(plant, small)),
-    }
+def main(directory=Path("out"), animate=False, seed=0):
+    plant, small = Plant(seed), flyer("model", **MODEL)
+    flights = simulate(plant, small, Controller(small), Filter(small), seed)
     for name, flight in flights.items():
         height, moment = peaks(flight)
         print(f"{name}: height changes by {height:.2f} m, root moment by {moment:.0f} N m")
     directory.mkdir(exist_ok=True)
     plot(flights).savefig(directory / "free_flight_mpc.png", dpi=150)
     if animate:
-        animate_flight(plant.aircraft, flights["MPC"], directory / "free_flight_mpc.gif")
+        flight, tenth = flights["MPC and EKF"], np.s_[:: round(0.1 / SAMPLE)]
+        frames = {key: getattr(flight, key)[..., tenth] for key in "txupy"}
+        film = directory / "free_flight_mpc.gif"
+        animate_flight(plant.trim.aircraft, replace(flight, **frames), film)
     return {name: peaks(flight) for name, flight in flights.items()}
 
 

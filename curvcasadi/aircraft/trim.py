@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 
 from curvcasadi.aero import LiftingLine
 from curvcasadi.aircraft.parts import Aircraft
+from curvcasadi.aircraft.trim_case import Case
 from curvcasadi.aircraft.trim_problem import Hessian, Objective
 from curvcasadi.aircraft.trim_result import TrimResult
-from curvcasadi.aircraft.trim_solver import Case, TrimSolver
+from curvcasadi.aircraft.trim_solver import TrimSolver
 from curvcasadi.aircraft.turn import Turn
 from curvcasadi.symbolic.expressions import optional
 

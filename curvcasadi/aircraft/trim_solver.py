@@ -211,10 +211,8 @@ class TrimSolver:
             for wing, (a, b) in zip(aircraft.beams, pairwise(edges), strict=True)
         }
         missed = self._missed(case, x, p)
-        limit, path = (
-            TOLERANCE * p[-1] * problem.length**2,
-            np.abs(residuals.full().ravel()[: len(PATH)]),
-        )
+        limit = TOLERANCE * p[-1] * problem.length**2
+        path = np.abs(residuals.full().ravel()[: len(PATH)])
         kept = (case.flight_path is not None, case.coordinated)
         others = [
             name for name, r, on in zip(PATH, path, kept, strict=True) if on and r > TOLERANCE

@@ -5,6 +5,7 @@ error state; every other part is its own difference:
 
     retract:     R ← R exp(δ),    x ← x + δ
     difference:  the δ that takes one state to the other
+    changes:     dδ = 2 Im(q⁻¹ ∘ dq),    dδ = dx
 """
 
 from __future__ import annotations
@@ -66,16 +67,8 @@ def difference(model: ControlModel, x: Expr, y: Expr) -> Expr:
         As `retract`.
     """
     layout = instance("model", model, ControlModel).x
-    starts = layout.split(_on_group("x", layout, expression("x", x, (layout.size, 1))))
-    ends = layout.split(_on_group("y", layout, expression("y", y, (layout.size, 1))))
-    pieces = []
-    for part in layout.parts:
-        start, end = starts[part.name], ends[part.name]
-        if part.attitude:
-            pieces.append(quaternion.log(quaternion.product(quaternion.conjugate(start), end)))
-        else:
-            pieces.append(end - start)
-    return ca.vertcat(*pieces)
+    start = _on_group("x", layout, expression("x", x, (layout.size, 1)))
+    return subtract(layout, start, _on_group("y", layout, expression("y", y, (layout.size, 1))))
 
 
 def _on_group(name: str, layout: Layout, x: Expr) -> Expr:
@@ -101,4 +94,33 @@ def add(layout: Layout, x: Expr, dx: Expr) -> Expr:
             pieces.append(start + step)
         else:
             pieces.append(quaternion.product(start, quaternion.exp(step)))
+    return ca.vertcat(*pieces)
+
+
+def subtract(layout: Layout, x: Expr, y: Expr) -> Expr:
+    """`difference` without checks, for any layout."""
+    starts, ends = layout.split(x), layout.split(y)
+    pieces = []
+    for part in layout.parts:
+        start, end = starts[part.name], ends[part.name]
+        if part.attitude:
+            pieces.append(quaternion.log(quaternion.product(quaternion.conjugate(start), end)))
+        else:
+            pieces.append(end - start)
+    return ca.vertcat(*pieces)
+
+
+def in_error_state(layout: Layout, x: ca.MX, changes: ca.MX) -> ca.MX:
+    """Changes (nx, m) of the state `x`, a column each, as changes (nd, m) of its error state."""
+    if not any(part.attitude for part in layout.parts):
+        return changes
+    values, pieces = layout.split(x), []
+    for part in layout.parts:
+        rows = changes[layout.slices[part.name], :]
+        if part.attitude:
+            inverse = quaternion.conjugate(values[part.name])
+            units = [ca.MX(unit) for unit in ca.horzsplit(ca.DM.eye(4))]
+            turned = [quaternion.product(inverse, unit) for unit in units]
+            rows = 2 * ca.horzcat(*turned)[1:, :] @ rows
+        pieces.append(rows)
     return ca.vertcat(*pieces)

@@ -11,10 +11,10 @@ from weakref import WeakKeyDictionary
 import casadi as ca
 import numpy as np
 
-from curvcasadi.control.error_state import add
+from curvcasadi.control.error_state import add, in_error_state
 from curvcasadi.control.model import ControlModel
 from curvcasadi.control.signals import held_within_bounds, stacked
-from curvcasadi.lie import quaternion, so3
+from curvcasadi.lie import so3
 from curvcasadi.symbolic.expressions import Array, Number, instance
 from curvcasadi.symbolic.layout import Layout
 
@@ -195,16 +195,6 @@ def _made(model: ControlModel) -> ca.Function:
 
 def _error_rates(model: ControlModel, x: ca.MX, xdot: ca.MX) -> tuple[ca.MX, dict[str, ca.MX]]:
     """Rates of the state in its own axes, and body rates of its attitudes."""
-    values, rates = model.x.split(x), model.x.split(xdot)
-    omegas, pieces = {}, []
-    for part in model.x.parts:
-        if part.attitude:
-            # Ω = 2 Im(q⁻¹ ∘ dq/dt)
-            omega = 2 * quaternion.product(
-                quaternion.conjugate(values[part.name]), rates[part.name]
-            )
-            omegas[part.name] = omega[1:]
-            pieces.append(omega[1:])
-        else:
-            pieces.append(rates[part.name])
-    return ca.vertcat(*pieces), omegas
+    rates = in_error_state(model.x, x, xdot)
+    parts = model.x.errors.split(rates)
+    return rates, {part.name: parts[part.name] for part in model.x.parts if part.attitude}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -53,6 +53,25 @@ def stacked(name: str, layout: Layout, value: Number | Mapping[str, Number] | No
                 )
             vector[rows] /= length
     return vector
+
+
+def two_sides(name: str, pair: Any, size: int) -> tuple[Array, Array]:
+    """Bounds (size,) of a pair (lower, upper) of numbers or arrays, infinite ones allowed."""
+    try:
+        low, high = (np.asarray(side, dtype=float) for side in pair)
+        sides = [np.array(np.broadcast_to(side, (size,))) for side in (low, high)]
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{name}: expected a pair (lower, upper) of numbers or arrays ({size},), found {pair!r}"
+        ) from None
+    lower, upper = sides
+    if np.any(np.isnan(lower)) or np.any(np.isnan(upper)):
+        raise ValueError(f"{name}: expected numbers, found NaN in {pair!r}")
+    if np.any(lower > upper):
+        raise ValueError(f"{name}: expected lower ≤ upper, found {pair!r}")
+    if np.any(lower == np.inf) or np.any(upper == -np.inf):
+        raise ValueError(f"{name}: expected bounds that a number can meet, found {pair!r}")
+    return lower, upper
 
 
 def increasing(name: str, times: Number, what: str = "times, s") -> Array:

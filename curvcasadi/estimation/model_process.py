@@ -19,14 +19,13 @@ from typing import Any, get_args
 import casadi as ca
 import numpy as np
 
-from curvcasadi.control.error_state import add
+from curvcasadi.control.error_state import add, in_error_state, subtract
 from curvcasadi.control.implicit_midpoint import midpoint_step_of_any_length
 from curvcasadi.control.model import ControlModel
 from curvcasadi.control.stability import unstable_step
 from curvcasadi.control.step import Method, midpoint_rule, rk4
 from curvcasadi.estimation import ud
 from curvcasadi.estimation.process import REJECTIONS
-from curvcasadi.lie import quaternion
 from curvcasadi.symbolic.expressions import (
     AnyExpr,
     Array,
@@ -145,6 +144,11 @@ class Dynamics:
         remedy = "method='implicit_midpoint' or more substeps of the ModelProcess"
         return unstable_step(self.model, dt / self.substeps, x, u, p, remedy)
 
+    def unstable_at_rest(self, dt: float) -> str | None:
+        """As `unstable_step`, where state, u and p are zero."""
+        given = {key: np.zeros(symbol.numel()) for key, symbol in self.inputs.items()}
+        return self.unstable_step(dt, np.zeros(self.whole.size), given)
+
     def retraction(self) -> ca.Function:
         """(state, error) -> state."""
         state, error = ca.MX.sym("state", self.state.size), ca.MX.sym("error", self.error.size)
@@ -155,14 +159,8 @@ class Dynamics:
     def difference(self) -> ca.Function:
         """(a, b) -> the error that takes the state a to b."""
         a, b = (ca.MX.sym(key, self.state.size) for key in "ab")
-        start, end = self.state.split(a), self.state.split(b)
-        pieces = [
-            quaternion.log(quaternion.product(quaternion.conjugate(start[p.name]), end[p.name]))
-            if p.attitude
-            else end[p.name] - start[p.name]
-            for p in self.whole.parts
-        ]
-        return ca.Function("difference", [a, b], [ca.vertcat(*pieces)], {"cse": True})
+        start, end = (state[: self.whole.size] for state in (a, b))
+        return ca.Function("difference", [a, b], [subtract(self.whole, start, end)], {"cse": True})
 
 
 def densities(process: ModelProcess, error: Layout) -> dict[str, Array]:
@@ -260,7 +258,7 @@ def flow_function(dynamics: Dynamics) -> ca.Function:
         if seconds < np.inf:
             parts[name] = ca.exp(-dt / seconds) * parts[name]
     end = layout.join(parts)
-    slope = _in_error_state(layout, end, ca.jacobian(end, error))
+    slope = ca.densify(in_error_state(layout, end, ca.jacobian(end, error)))
     arguments = [start, dt, *given.values()]
     at_zero = ca.Function("varied", [error, *arguments], [end, slope, residual], {"cse": True})
     end, slope, residual = at_zero(ca.DM.zeros(error.numel()), *arguments)
@@ -282,20 +280,6 @@ def _stepped(dynamics: Dynamics, dt: ca.MX, x: ca.MX, u: ca.MX, p: ca.MX) -> tup
         x, last, _ = step(x, u, p, h)
         residual += last
     return x, residual
-
-
-def _in_error_state(layout: Layout, end: ca.MX, slope: ca.MX) -> ca.MX:
-    """Derivatives of the state as derivatives of its error: δ = 2 Im(q⁻¹ ∘ dq) of attitudes."""
-    values, pieces = layout.split(end), []
-    for part in layout.parts:
-        rows = slope[layout.slices[part.name], :]
-        if part.attitude:
-            inverse = quaternion.conjugate(values[part.name])
-            units = [ca.MX(unit) for unit in ca.horzsplit(ca.DM.eye(4))]
-            turned = [quaternion.product(inverse, unit) for unit in units]
-            rows = 2 * ca.horzcat(*turned)[1:, :] @ rows
-        pieces.append(rows)
-    return ca.densify(ca.vertcat(*pieces))
 
 
 def rates_function(dynamics: Dynamics, names: tuple[str, ...]) -> ca.Function:

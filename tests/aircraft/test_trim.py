@@ -24,9 +24,10 @@ from curvcasadi.aircraft.parts import (
     mirror_wing,
 )
 from curvcasadi.aircraft.trim import trim, trim_sweep
+from curvcasadi.aircraft.trim_case import Case
 from curvcasadi.aircraft.trim_problem import TipHeight, attitude_matrix
 from curvcasadi.aircraft.trim_result import trim_table
-from curvcasadi.aircraft.trim_solver import Case, TrimSolver
+from curvcasadi.aircraft.trim_solver import TrimSolver
 from curvcasadi.reference_wings import RIGHT_WING_ROOT, hale_wing
 
 AIR = {"speed": 26.0, "density": 0.0889}

@@ -173,8 +173,7 @@ def _warn_of_sampling(dynamics: Dynamics, channels: Channels) -> None:
     """Warn where even the fastest sensor leaves more time between samples than steps may take."""
     rates = [sensor.rate for sensor in channels.sensors if hasattr(sensor, "rate")]
     if rates:
-        at_rest = {key: np.zeros(value.numel()) for key, value in dynamics.inputs.items()}
-        wrong = dynamics.unstable_step(1 / max(rates), np.zeros(dynamics.whole.size), at_rest)
+        wrong = dynamics.unstable_at_rest(1 / max(rates))
         if wrong:
             warnings.warn(f"process: at the rate of the sensors {wrong}", stacklevel=4)
 

@@ -9,12 +9,12 @@ import numpy as np
 
 from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.beam.beam import Beam
+from curvcasadi.control.signals import two_sides
 from curvcasadi.estimation.ekf.model_filter import Options, given_layouts, model_observation
 from curvcasadi.estimation.mhe.estimator import ShapeMhe
 from curvcasadi.estimation.mhe.model_step import model_step_function
 from curvcasadi.estimation.mhe.model_window import ModelWindow
 from curvcasadi.estimation.model_process import Dynamics, ModelProcess
-from curvcasadi.ocp.mpc.arguments import two_sides
 from curvcasadi.sensors import Sensor
 from curvcasadi.solvers.settings import SqpSettings
 from curvcasadi.symbolic.expressions import Array, Number, choice, instance
@@ -43,8 +43,7 @@ def model_estimator(
     """A `ShapeMhe`; the gate, iterations and recovery of the options are those of no filter."""
     observation = model_observation(wings, sensors, process, outputs, options)
     dynamics = observation.dynamics
-    at_rest = {key: np.zeros(value.numel()) for key, value in dynamics.inputs.items()}
-    wrong = dynamics.unstable_step(dt, np.zeros(dynamics.whole.size), at_rest)
+    wrong = dynamics.unstable_at_rest(dt)
     if wrong:
         raise ValueError(f"dt: {wrong}")
     lower, upper = _bounds(dynamics, bounds)

@@ -8,7 +8,7 @@ from typing import Any, get_args
 import numpy as np
 
 from curvcasadi.control.model import ControlModel
-from curvcasadi.control.signals import stacked
+from curvcasadi.control.signals import stacked, two_sides
 from curvcasadi.control.step import Method
 from curvcasadi.ocp.mpc.terms import (
     ANGLES,
@@ -156,25 +156,6 @@ def input_rates(model: ControlModel, rates: Mapping[str, Any]) -> tuple[Array, A
         if part.name in rates:
             rows = model.u.slices[part.name]
             lower[rows], upper[rows] = _rate("rate_bounds", part, rates[part.name])
-    return lower, upper
-
-
-def two_sides(name: str, pair: Any, size: int) -> tuple[Array, Array]:
-    """Bounds (size,) of a pair (lower, upper) of numbers or arrays, infinite ones allowed."""
-    try:
-        low, high = (np.asarray(side, dtype=float) for side in pair)
-        sides = [np.array(np.broadcast_to(side, (size,))) for side in (low, high)]
-    except (TypeError, ValueError):
-        raise ValueError(
-            f"{name}: expected a pair (lower, upper) of numbers or arrays ({size},), found {pair!r}"
-        ) from None
-    lower, upper = sides
-    if np.any(np.isnan(lower)) or np.any(np.isnan(upper)):
-        raise ValueError(f"{name}: expected numbers, found NaN in {pair!r}")
-    if np.any(lower > upper):
-        raise ValueError(f"{name}: expected lower ≤ upper, found {pair!r}")
-    if np.any(lower == np.inf) or np.any(upper == -np.inf):
-        raise ValueError(f"{name}: expected bounds that a number can meet, found {pair!r}")
     return lower, upper
 
 

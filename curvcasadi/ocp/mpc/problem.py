@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from curvcasadi.control.error_state import difference
+from curvcasadi.control.error_state import difference, in_error_state
 from curvcasadi.control.model import ControlModel
 from curvcasadi.lie import quaternion
 from curvcasadi.ocp.mpc.functions import ModelFunctions, NativeFunctions
@@ -161,6 +161,11 @@ class MpcProblem:
         nu = self.model.u.size
         return [self.model.x.size, nu, nu, len(self.soft), int(self.is_implicit)]
 
+    @property
+    def size(self) -> int:
+        """Entries of z, the state of a stage with what is compared and bounded at its end."""
+        return sum(self._sizes)
+
     def split(self, z: ca.MX) -> list[ca.MX]:
         """x, u, change of u, slacks and residual."""
         parts: list[ca.MX] = ca.vertsplit(z, np.cumsum([0, *self._sizes]).tolist())
@@ -169,7 +174,7 @@ class MpcProblem:
     def _step(self, step: ca.Function) -> ca.Function:
         """(z, w, p) -> z_end, Aᵀ, Bᵀ in error states."""
         model, nu = self.model, self.model.u.size
-        z, w = ca.MX.sym("z", sum(self._sizes)), ca.MX.sym("w", self.nw)
+        z, w = ca.MX.sym("z", self.size), ca.MX.sym("w", self.nw)
         p = ca.MX.sym("p", model.p.size)
         x, before, *_ = self.split(z)
         v, s = ca.vertsplit(w, [0, nu, self.nw])
@@ -179,14 +184,11 @@ class MpcProblem:
         slopes = step.jacobian()
         found = slopes(x, u, p, end, residual)
         by = dict(zip(slopes.name_out(), found, strict=True))
-        a = _to_error(model.x, end) @ by["jac_x_next_x"] @ _from_error(model.x, x)
-        b = _to_error(model.x, end) @ by["jac_x_next_u"] @ scale
+        a = in_error_state(model.x, end, by["jac_x_next_x"] @ _from_error(model.x, x))
+        b = in_error_state(model.x, end, by["jac_x_next_u"] @ scale)
         sizes = [model.x.errors.size, *self._sizes[1:]]
         one = ca.DM.eye(nu)
-        rows = {
-            (0, 0): a.T,
-            (1, 2): -one,
-        }
+        rows = {(0, 0): a.T, (1, 2): -one}
         inputs = {(0, 0): b.T, (0, 1): scale, (0, 2): scale, (1, 3): ca.DM.eye(len(self.soft))}
         residuals = [residual] if self.is_implicit else []
         return ca.Function(
@@ -203,7 +205,7 @@ class MpcProblem:
     def _error(self, functions: ModelFunctions | NativeFunctions) -> ca.Function:
         """(z_end, p, goal) -> weighted errors, their Jacobian by dz_end, dense."""
         model = self.model
-        z, p = ca.MX.sym("z", sum(self._sizes)), ca.MX.sym("p", model.p.size)
+        z, p = ca.MX.sym("z", self.size), ca.MX.sym("p", model.p.size)
         goal = ca.MX.sym("goal", self.goal_size)
         x, u, change, slacks, _ = self.split(z)
         sources = {"x": model.x.split(x), "u": model.u.split(u)}
@@ -225,7 +227,7 @@ class MpcProblem:
 
     def _terminal(self, terminal: Terminal) -> ca.Function:
         """(z_end) -> weighted error of the end, its Jacobian by dz_end, dense."""
-        z = ca.MX.sym("z", sum(self._sizes))
+        z = ca.MX.sym("z", self.size)
         x, u, *_ = self.split(z)
         away = ca.vertcat(difference(self.model, ca.MX(ca.DM(terminal.x)), x), u - terminal.u)
         value = ca.DM(terminal.factor) @ away
@@ -235,7 +237,7 @@ class MpcProblem:
     def _limits(self, functions: ModelFunctions | NativeFunctions) -> ca.Function:
         """(z, w, z_end, p) -> what is bounded, its transposed Jacobian by (dz, w, dz_end)."""
         model, nu = self.model, self.model.u.size
-        n = sum(self._sizes)
+        n = self.size
         z, w, end = ca.MX.sym("z", n), ca.MX.sym("w", self.nw), ca.MX.sym("end", n)
         p = ca.MX.sym("p", model.p.size)
         x, u, change, _, residual = self.split(end)
@@ -290,17 +292,6 @@ def _from_error(layout: Layout, x: ca.MX) -> Any:
     return ca.diagcat(
         *(
             _half_turn(values[part.name]) if part.attitude else ca.DM.eye(part.size)
-            for part in layout.parts
-        )
-    )
-
-
-def _to_error(layout: Layout, x: ca.MX) -> Any:
-    """d dx / d x: 2 Im(q⁻¹ ∘ dq) of a quaternion, 1 of everything else."""
-    values = layout.split(x)
-    return ca.diagcat(
-        *(
-            4 * _half_turn(values[part.name]).T if part.attitude else ca.DM.eye(part.size)
             for part in layout.parts
         )
     )

@@ -121,7 +121,7 @@ class MpcSolver:
             quaternion.normalize(x[part.name]) if part.attitude else x[part.name]
             for part in model.x.parts
         ]
-        rest = ca.MX.zeros(model.u.size + slacks + int(problem.is_implicit))
+        rest = ca.MX.zeros(problem.size - model.x.size - model.u.size)
         z = ca.vertcat(*state, inputs["u_previous"], rest)
         goals = [self._proper(column) for column in ca.horzsplit(inputs["reference"])]
         parameters = ca.veccat(z, inputs["p"], ca.MX.zeros(problem.nw), *goals)
@@ -166,9 +166,8 @@ class MpcSolver:
         """Inputs and what was found -> what the step gives."""
         problem, inputs = self.problem, self._inputs()
         model, nu, count = problem.model, problem.model.u.size, problem.count
-        n_states = model.x.size + 2 * nu + len(problem.soft) + int(problem.is_implicit)
         found = ca.MX.sym("found", problem.nw * (problem.hold[-1] + 1))
-        rolled = ca.MX.sym("rolled", n_states, count + 1)
+        rolled = ca.MX.sym("rolled", problem.size, count + 1)
         excess, distance, before = (ca.MX.sym(key) for key in ("excess", "distance", "before"))
         blocks = ca.horzsplit(ca.reshape(found, problem.nw, problem.hold[-1] + 1))
         held = [blocks[i] for i in problem.hold]

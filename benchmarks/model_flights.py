@@ -68,24 +68,23 @@ def model(stiffness: float = 1.0, mass: float = 1.0) -> cc.ControlModel:
 
 def make(process: cc.ControlModel, **changes: Any) -> cc.ShapeEkf:
     """The filter on that model."""
-    described = cc.ModelProcess(
-        model=process,
-        density=DENSITY,
-        estimated={"gust": GUST_TIME},
-        acceleration=ACCELERATION,
-    )
-    return cc.shape_ekf(wing().beam, SENSORS, process=described, root=ROOT, **changes)
+    return cc.shape_ekf(wing().beam, SENSORS, process=_driven(process), root=ROOT, **changes)
 
 
 def make_mhe(process: cc.ControlModel, **changes: Any) -> cc.ShapeMhe:
     """The moving-horizon estimator on that model."""
-    described = cc.ModelProcess(
-        model=process,
+    driven = _driven(process)
+    return cc.shape_mhe(wing().beam, SENSORS, process=driven, root=ROOT, dt=DT, **changes)
+
+
+def _driven(model: cc.ControlModel) -> cc.ModelProcess:
+    """The model with the noise that drives it."""
+    return cc.ModelProcess(
+        model=model,
         density=DENSITY,
         estimated={"gust": GUST_TIME},
         acceleration=ACCELERATION,
     )
-    return cc.shape_mhe(wing().beam, SENSORS, process=described, root=ROOT, dt=DT, **changes)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

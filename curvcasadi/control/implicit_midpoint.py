@@ -105,7 +105,7 @@ def midpoint_solver(rule: Midpoint) -> ca.Function:
     """(x, u, p, h, guess) -> x_next, residual, forces, iterations.
 
     `guess` and `forces` are (g, l); `residual` is the last correction of the accelerations over
-    their size, NaN where the iteration left the numbers; `iterations` counts balances.
+    their size, NaN where the iteration diverged; `iterations` counts balances.
     """
     x, u, p = rule.symbols
     h, guess = ca.MX.sym("h"), ca.MX.sym("guess", rule.n_rates)

@@ -149,7 +149,7 @@ def simulate(
         more than `Grid.max_angle` at the start. A motion that turns it so far later warns, and so
         does a step of "rk4" that is unstable.
     ConvergenceError
-        If a step does not converge or leaves the numbers; it names time and remedy, and `.result`
+        If a step does not converge or is not finite; it names time and remedy, and `.result`
         is the simulation up to there.
     """
     from tqdm import tqdm

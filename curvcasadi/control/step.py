@@ -52,7 +52,7 @@ def step_function(
     -------
     casadi.Function
         (x, u, p) -> x_next (nx, 1), residual. The residual is the last relative correction of an
-        implicit step (a sum over `substeps`), NaN where it left the numbers, and zero for an
+        implicit step (a sum over `substeps`), NaN where it diverged, and zero for an
         explicit one: **check it**, a step that did not converge returns its last iterate. The
         Jacobian of an implicit step is that of the implicit function.
 

@@ -52,7 +52,7 @@ def _rk4(model: ControlModel) -> Stepper:
         if np.all(np.isfinite(end)):
             return end, 1.0, None
         todo = remedy(model, h, x, u, p) or "take shorter steps"
-        return end, 1.0, f"the state left the numbers: {todo}"
+        return end, 1.0, f"the state is not finite: {todo}"
 
     return advance
 

@@ -149,6 +149,7 @@ def _family(table: toml.Table) -> families.Family:
 
 
 def grid_of(table: toml.Table) -> Grid:
+    """Grid of a table [grid]."""
     kind = table.one_of("kind", ("uniform", "lobatto", "custom"))
     values = table.read(CUSTOM_GRID if kind == "custom" else GRID)
     with table.owning_errors():

@@ -122,6 +122,7 @@ WEIGHT_BOUNDS = Keys(
 
 
 def beam_values_of(table: toml.Table) -> dict[str, Any]:
+    """Fields of a `Beam` that stand in a table [beam]."""
     values = table.read(BEAM)
     readers: dict[str, Callable[[toml.Table], Any]] = {
         "root": root_of,
@@ -142,6 +143,7 @@ def beam_values_of(table: toml.Table) -> dict[str, Any]:
 
 
 def root_of(table: toml.Table) -> Pose:
+    """Pose of a table [beam.root], by rotation, rotation vector or angles."""
     values = table.read(ROOT)
     angles = {key: value for key, value in values.items() if key in _ROOT_ANGLES}
     position = values.get("position", (0.0, 0.0, 0.0))

@@ -73,7 +73,7 @@ _MEASURED = ("tip_up", "root_moment_x", "root_moment_y", "root_moment_z")
 RESULT_COLUMNS = tuple(f"{name}_{end}" for name in _MEASURED for end in ("largest", "smallest"))
 #: Steps of a motion; more are a duration in another unit.
 MOST_STEPS = 1_000_000
-_DIVERGED = "the motion left the numbers: use a smaller step, or the wing is unstable"
+_DIVERGED = "the motion is not finite: use a smaller step, or the wing is unstable"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,6 +1,6 @@
 """How a load acts at a station: formulas of its pose and motion.
 
-Formulas of one function are one, and their CasADi Functions are made once.
+Formulas with the same function are equal, so that their CasADi Functions are made once.
 """
 
 from __future__ import annotations

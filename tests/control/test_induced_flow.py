@@ -140,7 +140,7 @@ def test_moving_and_frozen_about_the_equilibrium_differ_by_the_geometry_alone():
     up, down = (balance(make(replace(frozen, shape=q + d * direction)), x) for d in (step, -step))
     expected = -np.linalg.solve(mass, (up - down) / (2 * step))
     found = change[rows, columns] @ direction
-    # The same.
+    # The difference of the elements again, and of the derivative by differences.
     assert_allclose(found, expected, rtol=0, atol=1e-3 * np.abs(expected).max())
 
 

@@ -50,7 +50,7 @@ def run_ekf(
         finite numbers of the sizes that the filter has, or the start's factor is none; with a
         control model, if steps between samples are so long that Runge–Kutta's method is unstable.
     ConvergenceError
-        If a prediction leaves the numbers, or its implicit steps do not converge; `.result` is the
+        If a prediction is not finite, or its implicit steps do not converge; `.result` is the
         estimate before it.
     """
     instance("ekf", ekf, ShapeEkf)
@@ -109,7 +109,7 @@ def _step(
     ahead = ekf.predict(state=at.state, factor=at.factor, dt=dt, **rates)
     if not all(value.is_regular() for value in ahead.values()):
         raise ConvergenceError(
-            f"{where}: the prediction over {dt:g} s left the numbers or did not converge; take "
+            f"{where}: the prediction over {dt:g} s is not finite or did not converge; take "
             "samples that are closer, or more substeps of the ModelProcess",
             at,
         )

@@ -12,7 +12,7 @@ from curvcasadi.symbolic.expressions import Array
 def unsolved(violation: float, stationarity: float, tolerance: float) -> str:
     """Why there is no plan."""
     if not (np.isfinite(violation) and np.isfinite(stationarity)):
-        return "the model leaves the numbers along the plan"
+        return "the motion along the plan is not finite"
     if violation > 1:
         return (
             "no plan within the bounds found: the last one tried exceeds them by "

@@ -30,11 +30,10 @@ from curvcasadi.aircraft.free_motion import (
 )
 from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.dynamics import inertia, inverse, mass, momentum
+from curvcasadi.loads.kinds import STANDARD_GRAVITY
 from curvcasadi.statics.energy import strain_energy
 from curvcasadi.symbolic import ldl
 from curvcasadi.symbolic.expressions import AnyExpr, Number, expression
-
-STANDARD_GRAVITY = 9.80665
 
 
 class FlightMomenta(NamedTuple):

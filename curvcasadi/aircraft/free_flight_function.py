@@ -7,7 +7,7 @@ from typing import Any
 
 import casadi as ca
 
-from curvcasadi.aircraft.free_flight import STANDARD_GRAVITY, free_inverse_dynamics
+from curvcasadi.aircraft.free_flight import free_inverse_dynamics
 from curvcasadi.aircraft.free_motion import (
     WingLoads,
     body_wrench,
@@ -18,6 +18,7 @@ from curvcasadi.aircraft.free_motion import (
 from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.dynamics.derivatives import differentiate
 from curvcasadi.kinematics.pose_function import KINDS, Form
+from curvcasadi.loads.kinds import STANDARD_GRAVITY
 from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.expressions import AnyExpr, Number, choice, function_name
 from curvcasadi.symbolic.functions import free_symbols

@@ -11,10 +11,8 @@ from curvcasadi.aircraft.trim_problem import Hessian, Objective
 from curvcasadi.aircraft.trim_result import TrimResult
 from curvcasadi.aircraft.trim_solver import TrimSolver
 from curvcasadi.aircraft.turn import Turn
+from curvcasadi.loads.kinds import STANDARD_GRAVITY
 from curvcasadi.symbolic.expressions import optional
-
-#: Standard gravity, m/s².
-STANDARD_GRAVITY = 9.80665
 
 
 def trim(

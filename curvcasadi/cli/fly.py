@@ -11,7 +11,6 @@ import numpy as np
 
 from curvcasadi.aero.gust import GustField, OneMinusCosine, frozen_gust
 from curvcasadi.aero.turbulence import Turbulence
-from curvcasadi.aircraft.free_flight import STANDARD_GRAVITY
 from curvcasadi.aircraft.trim import trim
 from curvcasadi.cli.options import FIGURES, TABLES, output
 from curvcasadi.control.aircraft_model import aircraft_model
@@ -22,6 +21,7 @@ from curvcasadi.files import write_simulation
 from curvcasadi.files.aircraft import read_aircraft, read_density
 from curvcasadi.files.scenario import MOST_SAMPLES
 from curvcasadi.files.toml_reader import load_table
+from curvcasadi.loads.kinds import STANDARD_GRAVITY
 from curvcasadi.symbolic.expressions import AnyExpr
 
 HELP = """\

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from curvcasadi.aircraft.parts import Aircraft
-from curvcasadi.aircraft.trim import STANDARD_GRAVITY, trim_sweep
+from curvcasadi.aircraft.trim import trim_sweep
 from curvcasadi.aircraft.trim_problem import OBJECTIVES
 from curvcasadi.aircraft.trim_result import TrimResult, turn_cells
 from curvcasadi.aircraft.turn import Turn
@@ -22,6 +22,7 @@ from curvcasadi.control.flight_modes import flight_modes, modes_table
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.files.aircraft import read_aircraft, read_density
 from curvcasadi.files.toml_reader import load_table
+from curvcasadi.loads.kinds import STANDARD_GRAVITY
 from curvcasadi.symbolic.text import table
 
 HELP = """\

@@ -21,7 +21,7 @@ from curvcasadi.aircraft.flight_equations import (
     unbalanced,
 )
 from curvcasadi.aircraft.free_air import FreeAir
-from curvcasadi.aircraft.free_flight import STANDARD_GRAVITY, free_momenta
+from curvcasadi.aircraft.free_flight import free_momenta
 from curvcasadi.aircraft.free_motion import offsets_of
 from curvcasadi.aircraft.parts import Aircraft, LiftingSurface, Wing
 from curvcasadi.beam.along import scalar
@@ -32,6 +32,7 @@ from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
 from curvcasadi.control.spans import Span, air_spans, curvature_spans
 from curvcasadi.lie import quaternion
+from curvcasadi.loads.kinds import STANDARD_GRAVITY
 from curvcasadi.statics.energy import stiffness_matrix
 from curvcasadi.symbolic.expressions import (
     AnyExpr,

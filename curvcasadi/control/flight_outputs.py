@@ -32,11 +32,10 @@ from curvcasadi.kinematics.pose_function import pose_function, tip_function
 from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.kinematics.shape import curvature
 from curvcasadi.lie import se3
+from curvcasadi.loads.kinds import STANDARD_GRAVITY
 from curvcasadi.symbolic.expressions import AnyExpr
 from curvcasadi.symbolic.layout import Layout, Part
 
-#: Standard gravity, m/s².
-STANDARD_GRAVITY = 9.80665
 #: Outputs of the body: entries, unit.
 BODY = {
     "height": (1, "m"),

@@ -29,7 +29,7 @@ import numpy as np
 
 from curvcasadi.control.error_state import add
 from curvcasadi.control.iteration import iterated, relative_size
-from curvcasadi.control.model import ControlModel, SecondOrder
+from curvcasadi.control.model import ControlModel, SecondOrder, symbols_of
 from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.expressions import AnyExpr
 from curvcasadi.symbolic.layout import Layout
@@ -59,9 +59,7 @@ class Midpoint:
     @property
     def symbols(self) -> list[ca.MX]:
         """x, u and p."""
-        model = self.model
-        layouts = {"x": model.x, "u": model.u, "p": model.p}
-        return [ca.MX.sym(name, layout.size) for name, layout in layouts.items()]
+        return symbols_of(self.model)
 
     @property
     def configuration(self) -> Layout:

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.control.error_state import add, in_error_state
-from curvcasadi.control.model import ControlModel
+from curvcasadi.control.model import ControlModel, symbols_of
 from curvcasadi.control.signals import held_within_bounds, stacked
 from curvcasadi.lie import so3
 from curvcasadi.symbolic.expressions import Array, Number, instance
@@ -177,10 +177,7 @@ def _made(model: ControlModel) -> ca.Function:
     With x = x0 ⊕ δ and the rates of δ, r(x) = E⁺(x) xdot(x) for attitudes q̇ = ½ q ∘ (0, Ω):
     dδ/dt = δΩ − Ω × δ, and plain differences of everything else.
     """
-    x, u, p = (
-        ca.MX.sym(key, layout.size)
-        for key, layout in (("x", model.x), ("u", model.u), ("p", model.p))
-    )
+    x, u, p = symbols_of(model)
     delta = ca.MX.sym("delta", model.x.errors.size)
     moved = add(model.x, x, delta)
     rates, omegas = _error_rates(model, moved, model.xdot(moved, u, p))

@@ -135,6 +135,12 @@ class ControlModel:
         )
 
 
+def symbols_of(model: ControlModel) -> list[ca.MX]:
+    """Symbols x, u and p of the sizes that a model has."""
+    layouts = {"x": model.x, "u": model.u, "p": model.p}
+    return [ca.MX.sym(name, layout.size) for name, layout in layouts.items()]
+
+
 def _second_order_residual(
     model: ControlModel, motion: SecondOrder, x: ca.MX, x_dot: ca.MX, u: ca.MX, p: ca.MX
 ) -> ca.MX:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import casadi as ca
 
 from curvcasadi.beam.beam import Beam
-from curvcasadi.control.model import ControlModel
+from curvcasadi.control.model import ControlModel, symbols_of
 from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.sensors import Sensor, measure
 from curvcasadi.symbolic.expressions import instance
@@ -53,7 +53,7 @@ def readings_function(
             f"model: expected a state with parts q and q_dot of {n} entries, as the beam has "
             f"weights, found {sizes}"
         )
-    x, u, p = (ca.MX.sym(key, getattr(model, key).size) for key in "xup")
+    x, u, p = symbols_of(model)
     state, rates = model.x.split(x), model.x.split(model.xdot(x, u, p))
     measured = measure(sensors, beam, state["q"], state["q_dot"], rates["q_dot"], root)
     return ca.Function(

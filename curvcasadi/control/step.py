@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.control.implicit_midpoint import ITERATIONS, TOLERANCE, Midpoint, midpoint_step
-from curvcasadi.control.model import ControlModel
+from curvcasadi.control.model import ControlModel, symbols_of
 from curvcasadi.control.stability import warn_of_unstable_step
 from curvcasadi.lie import quaternion
 from curvcasadi.symbolic.expressions import AnyExpr, choice, count, instance, is_numeric, positive
@@ -74,13 +74,13 @@ def step_function(
     if method == "rk4":
         at_rest = [np.zeros(layout.size) for layout in (model.x, model.u, model.p)]
         warn_of_unstable_step("dt", model, h, at_rest)
-        x, u, p = _symbols(model)
+        x, u, p = symbols_of(model)
         step = _step(model, [x, u, p], rk4(model, h, x, u, p), ca.MX(0))
     else:
         step = midpoint_step(midpoint_rule(model, newton, iterations, tolerance), h)
     if substeps == 1:
         return step
-    x, u, p = _symbols(model)
+    x, u, p = symbols_of(model)
     end, residual = x, ca.MX(0)
     for _ in range(substeps):
         end, last = step(end, u, p)
@@ -106,7 +106,7 @@ def rk4_step(model: ControlModel, dt: float, *, substeps: int = 1) -> ca.Functio
         (x, u, p) -> x_next (nx, 1); attitudes are unit quaternions again.
     """
     step = step_function(model, dt, method="rk4", substeps=substeps)
-    x, u, p = _symbols(model)
+    x, u, p = symbols_of(model)
     end, _ = step(x, u, p)
     return ca.Function(f"{model.name}_step", [x, u, p], [end], ["x", "u", "p"], ["x_next"])
 
@@ -148,11 +148,6 @@ def rk4(model: ControlModel, h: AnyExpr, x: ca.MX, u: ca.MX, p: ca.MX) -> ca.MX:
             )
         )
     return end
-
-
-def _symbols(model: ControlModel) -> list[ca.MX]:
-    layouts = {"x": model.x, "u": model.u, "p": model.p}
-    return [ca.MX.sym(name, layout.size) for name, layout in layouts.items()]
 
 
 def _step(model: ControlModel, inputs: list[ca.MX], end: ca.MX, residual: ca.MX) -> ca.Function:

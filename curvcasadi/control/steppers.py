@@ -10,7 +10,7 @@ import numpy as np
 
 from curvcasadi.control import variational_midpoint as variational
 from curvcasadi.control.implicit_midpoint import TOLERANCE, midpoint_solver
-from curvcasadi.control.model import ControlModel
+from curvcasadi.control.model import ControlModel, symbols_of
 from curvcasadi.control.stability import SLACK, remedy, warn_of_unstable_step
 from curvcasadi.control.step import midpoint_rule, rk4
 from curvcasadi.symbolic.compiled import compile_function
@@ -37,7 +37,7 @@ def stepper(
 
 
 def _rk4(model: ControlModel) -> Stepper:
-    x, u, p, h = _symbols(model)
+    (x, u, p), h = symbols_of(model), ca.MX.sym("h")
     end = rk4(model, h, x, u, p)
     step = Native(ca.Function(f"{model.name}_rk4", [x, u, p, h], [end]))
 
@@ -113,7 +113,7 @@ def _variational(model: ControlModel, tolerance: float) -> Stepper:
 
 
 def _cvodes(model: ControlModel, tolerance: float) -> Stepper:
-    x, u, p, h = _symbols(model)
+    (x, u, p), h = symbols_of(model), ca.MX.sym("h")
     slope = compile_function(model.xdot, derivatives=0)
     # Adams' methods with functional iteration take no derivative, though CasADi asks for one.
     options = {"enable_fd": True, "never_inline": True}
@@ -170,8 +170,3 @@ class Native:
     def __call__(self, *arguments: Array | float) -> list[Array]:
         self.run(*arguments)
         return [array.copy() for array in self.outputs]
-
-
-def _symbols(model: ControlModel) -> list[ca.MX]:
-    sizes = {"x": model.x.size, "u": model.u.size, "p": model.p.size, "h": 1}
-    return [ca.MX.sym(name, size) for name, size in sizes.items()]

@@ -21,20 +21,20 @@ from curvcasadi.beam.pose import Pose
 from curvcasadi.control.beam_model import CURVATURE_STATIONS
 from curvcasadi.control.bending import element_angles
 from curvcasadi.control.idle import refuse_idle
-from curvcasadi.control.model import ControlModel
+from curvcasadi.control.model import ControlModel, symbols_of
 from curvcasadi.control.second_order import second_order_model
 from curvcasadi.control.spans import air_spans, curvature_spans
 from curvcasadi.control.wing_equations import equations, forces_function
 from curvcasadi.control.wing_outputs import (
     ACCELERATED,
     OUTPUTS,
-    STANDARD_GRAVITY,
     Surroundings,
     output_function,
     output_layout,
 )
 from curvcasadi.dynamics import system
 from curvcasadi.kinematics.root_motion import RootMotion
+from curvcasadi.loads.kinds import STANDARD_GRAVITY
 from curvcasadi.symbolic.expressions import (
     Number,
     choice,
@@ -242,10 +242,7 @@ def _design(parameters: Mapping[str, ca.MX] | None, taken: set[str]) -> dict[str
 
 def _output(name: str, model: ControlModel, values: ca.Function, y: Layout) -> ca.Function:
     """(x, u, p) -> y; with accelerations only where an output follows them."""
-    x, u, p = (
-        ca.MX.sym(key, layout.size)
-        for key, layout in (("x", model.x), ("u", model.u), ("p", model.p))
-    )
+    x, u, p = symbols_of(model)
     state = model.x.split(x)
     n = state["q"].numel()
     accelerations = ca.MX(n, 1)

@@ -30,13 +30,12 @@ from curvcasadi.kinematics.root_motion import RootMotion
 from curvcasadi.kinematics.shape import curvature
 from curvcasadi.kinematics.state import StateLayout, StationMotion
 from curvcasadi.lie import se3, so3
+from curvcasadi.loads.kinds import STANDARD_GRAVITY
 from curvcasadi.symbolic.derivatives import with_jacobian
 from curvcasadi.symbolic.expressions import AnyExpr
 from curvcasadi.symbolic.functions import identities
 from curvcasadi.symbolic.layout import Layout, Part
 
-#: Standard gravity, m/s².
-STANDARD_GRAVITY = 9.80665
 #: Outputs of a wing: entries, unit; at the root, at the tip, and of each station.
 ROOT = {"root_moment": (3, "N m"), "root_force": (3, "N")}
 TIP = {"tip_position": (3, "m"), "tip_rotation": (9, "1")}

@@ -21,6 +21,9 @@ from curvcasadi.loads.stations import (
 )
 from curvcasadi.symbolic.expressions import AnyExpr, Number, choice, station
 
+#: Standard gravity, m/s².
+STANDARD_GRAVITY = 9.80665
+
 
 @dataclass(frozen=True, eq=False)
 class Gravity(Load):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from curvcasadi.control.model import ControlModel
+from curvcasadi.control.model import ControlModel, symbols_of
 from curvcasadi.control.step import rk4_step
 from curvcasadi.lie import so3
 from curvcasadi.ocp.pose_error import attitude_error, position_error
@@ -266,7 +266,7 @@ def _stage_error(
 
 def _stage_step(name: str, model: ControlModel, dt: float) -> ca.Function:
     """(x, u, p) -> end of the stage, and its transposed slopes by x and u."""
-    x, u, p = (ca.MX.sym(key, getattr(model, key).size) for key in "xup")
+    x, u, p = symbols_of(model)
     end = rk4_step(model, dt)(x, u, p)
     return ca.Function(name, [x, u, p], [end, ca.jacobian(end, x).T, ca.jacobian(end, u).T])
 
@@ -291,7 +291,7 @@ class _Limits:
     def function(self, name: str) -> ca.Function:
         """(x, u, x_end, p) -> the bounded entries, and their transposed slope by (x, u, x_end)."""
         model = self._model
-        x, u, p = (ca.MX.sym(key, getattr(model, key).size) for key in "xup")
+        x, u, p = symbols_of(model)
         end = ca.MX.sym("end", model.x.size)
         rates = model.xdot(x, u, p)[self._rates, :]
         y = model.y.split(model.output(end, u, p)) if self._curvatures else None

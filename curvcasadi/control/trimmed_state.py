@@ -87,11 +87,9 @@ def trimmed_state(
     left = ca.vertcat(*motion.balance(x, ca.DM.zeros(motion.velocities), u, held), *path)
     rest = ca.Function("rest", [z], [left])
     slope = ca.Function("slope", [z], [ca.densify(ca.jacobian(left, z))])
-    value, beyond = _within_bounds(rest, slope, unknowns)
-    found = TrimmedState(
-        *(part.full().ravel() for part in ca.Function("at", [z], [x, u])(value[0]))
-    )
-    if not value[1] < TOLERANCE:
+    value, missed, beyond = _within_bounds(rest, slope, unknowns)
+    state = TrimmedState(*(part.full().ravel() for part in ca.Function("at", [z], [x, u])(value)))
+    if not missed < TOLERANCE:
         why = (
             f"it lies beyond the bounds of the trim: {'; '.join(beyond)}"
             if beyond
@@ -100,27 +98,26 @@ def trimmed_state(
         raise ConvergenceError(
             f"trimmed_state: no equilibrium of {model.name!r} near the trim at {trim.speed:g} m/s; "
             f"{why}",
-            found,
+            state,
         )
-    _warn_of_another_flight(value[0], unknowns)
-    return found
+    _warn_of_another_flight(value, unknowns)
+    return state
 
 
 def _within_bounds(
     rest: ca.Function, slope: ca.Function, unknowns: _Unknowns
-) -> tuple[tuple[Array, float], list[str]]:
-    """The equilibrium within bounds and what is left of it, and what was beyond bounds before.
+) -> tuple[Array, float, list[str]]:
+    """The equilibrium within bounds, by how much it is missed, and what was beyond bounds before.
 
     What stands beyond a bound is held there, as long as the others can balance without it.
     """
     free, start = unknowns.free.copy(), unknowns.start
     words: list[str] = []
     while True:
-        found = _newton(rest, slope, start, free, unknowns.scales)
-        value, size = found
+        value, missed = _newton(rest, slope, start, free, unknowns.scales)
         outside = free & unknowns.beyond(value)
-        if not size < TOLERANCE or not np.any(outside):
-            return found, words
+        if not missed < TOLERANCE or not np.any(outside):
+            return value, missed, words
         words += unknowns.in_words(value, outside)
         start, free = np.clip(value, unknowns.lower, unknowns.upper), free & ~outside
 

@@ -64,7 +64,7 @@ class Outcome:
     wrong: list[str]
 
 
-def build(real: str, sanitizers: Sequence[str], program: Path) -> Path:
+def build(sanitizers: Sequence[str], program: Path) -> Path:
     """`program`, that calls the functions of the export in its folder."""
     folder = program.parent
     run(
@@ -271,9 +271,9 @@ def faults(out: Path, calls: float, seed: int, pool: ThreadPoolExecutor) -> tupl
         export(real, out / real)
         (out / real / "cases.h").write_text(cases_header(real))
     programs = dict(
-        zip(REALS, pool.map(lambda r: build(r, MEMORY, out / r / "memory"), REALS), strict=True)
+        zip(REALS, pool.map(lambda r: build(MEMORY, out / r / "memory"), REALS), strict=True)
     )
-    racing = pool.submit(build, "float", RACES, out / "float" / "races")
+    racing = pool.submit(build, RACES, out / "float" / "races")
     tasks = {}
     for case in sorted(CASES, key=lambda case: "path" not in case.name):  # the longest first
         for starts, part in [(USUAL, 1.0), *([(HARD, HARD_CALLS)] if case.hard else [])]:

@@ -55,7 +55,7 @@ def variational_solver(
     )  # fmt: skip
     y, a = ca.MX.sym("y", nv), ca.MX.sym("A", nv, nv)
     constants = [c, start, u, p, h, a]
-    first, _ = _momenta_at_ends(model, motion, c, u, p, h, y)
+    first, _ = _momenta_at_ends(motion, c, u, p, h, y)
     change = ca.solve(a, first - start, "ldl")
     size = ca.norm_1(y - change)
     better = ca.Function(
@@ -65,7 +65,7 @@ def variational_solver(
     matrix = ca.densify(mass + h / 2 * damping + h**2 / 4 * stiffness)
     loop = iterated(better, iterations, tolerance)
     velocities, residual, count = loop(guess, c, start, u, p, h, matrix)
-    _, end = _momenta_at_ends(model, motion, c, u, p, h, velocities)
+    _, end = _momenta_at_ends(motion, c, u, p, h, velocities)
     return ca.Function(
         f"{model.name}_variational",
         [c, start, u, p, h, guess],
@@ -76,7 +76,6 @@ def variational_solver(
 
 
 def _momenta_at_ends(
-    model: ControlModel,
     motion: SecondOrder,
     c: ca.MX,
     u: ca.MX,

@@ -98,7 +98,7 @@ def station_inertias(beam: Beam, mesh: Mesh) -> StationInertias:
     """
     totals = lumped(beam, mesh)
     mask = tuple(any(_differs_from_zero(total[k]) for total in totals) for k in range(SIZE))
-    _check(beam, totals, mask)
+    _check(beam, totals)
     kept = [k for k in range(SIZE) if mask[k]]
     return StationInertias(mask, tuple(total[kept] for total in totals))
 
@@ -171,7 +171,7 @@ def _differs_from_zero(value: AnyExpr) -> bool:
     return not is_numeric(value) or float(value) != 0
 
 
-def _check(beam: Beam, totals: Sequence[AnyExpr], mask: Mask) -> None:
+def _check(beam: Beam, totals: Sequence[AnyExpr]) -> None:
     if not any(_differs_from_zero(total[0]) for total in totals):
         raise ValueError("Beam: dynamics need mass, found Section.mass_per_length and bodies of 0")
     twisted = any(np.any(beam.basis(xi)[0]) for xi in beam.stations)

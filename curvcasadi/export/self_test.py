@@ -30,7 +30,6 @@ _TOLERANCE = {
 }
 _SAMPLES = 5
 _HALVINGS = 40  #: of random weights until no element turns too far
-_STATUS = ("OK", "INFEASIBLE", "NOT_CONVERGED")
 
 
 def fields(

@@ -29,7 +29,7 @@ def test_an_accelerometer_at_rest_reads_gravity_and_feels_a_force_at_once():
     model = hanging()
     q = cc.solve_equilibrium(BEAM, [cc.Gravity([0, 0, 9.80665])]).q
     read = cc.readings_function(model, BEAM, SENSORS, root=ROOT)
-    x = np.r_[np.ravel(q), np.zeros(4)]
+    x = np.r_[q.full().ravel(), np.zeros(4)]
     rest, pushed = (read(x, force, []).full().ravel() for force in (0.0, 5.0))
     # Gravity is held by the elastic forces: the tip does not accelerate.
     assert np.linalg.norm(rest[:3]) == pytest.approx(9.80665, rel=1e-6)

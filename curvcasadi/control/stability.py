@@ -1,10 +1,10 @@
 """Steps with which Runge–Kutta's method of order 4 is stable.
 
-In a step h a mode x' = λ x grows by R(h λ), R(z) = 1 + z + z²/2 + z³/6 + z⁴/24. With |R| > 1 it
-grows whatever it does in nature, by a fraction in each step: for long nothing is to be seen. An
-undamped mode is stable up to h |λ| = √8. The modes of a model with inertia are those of its
-matrices, in vacuum, and those of its other parts, lag states of the air, at rest; of other models
-those of dx/dt.
+In a step h a mode x' = λ x is multiplied by R(h λ), R(z) = 1 + z + z²/2 + z³/6 + z⁴/24. With
+|R| > 1 it grows by a fraction in each step, even if the mode itself decays, and many steps pass
+before that is seen. An undamped mode is stable up to h |λ| = √8. The modes of a model with inertia
+are those of its matrices, in vacuum, and those of its lag states, with the motion held; the modes
+of other models are those of dx/dt.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ import numpy as np
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.symbolic.expressions import Array
 
-#: Part of |λ| by which a mode may grow by rounding alone.
+#: Re λ over |λ| up to which the growth of a mode is rounding.
 _ROUNDING = 1e-6
-#: Part by which a step may exceed the limit: rounding of both.
+#: Relative excess of a step over the limit that is rounding.
 SLACK = 1e-6
 
 
 def stable_step(model: ControlModel, x: Array, u: Array, p: Array) -> tuple[float, float]:
-    """Longest stable step at a state, s, and the frequency |λ| of the mode that asks for it, rad/s.
+    """Longest stable step at a state, s, and the frequency |λ| of the mode that limits it, rad/s.
 
-    Infinite and zero where no mode does, or where there are no modes: at a state that is none, or
-    for parameters with which the matrices are singular.
+    Infinite and zero where no mode limits it, and where modes cannot be computed: at a state that
+    is not finite, or for parameters with which the matrices are singular.
     """
     try:
         with np.errstate(all="ignore"):
@@ -54,7 +54,7 @@ def remedy(
 ) -> str | None:
     """What to do about a step `h`, in words; None where it is stable.
 
-    `implicit` is what else to take, of models with inertia.
+    `implicit` names the alternative to shorter steps, for models with inertia.
     """
     limit, frequency = stable_step(model, x, u, p)
     if not h > limit * (1 + SLACK):

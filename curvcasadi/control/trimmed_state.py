@@ -17,12 +17,12 @@ from curvcasadi.errors import ConvergenceError
 from curvcasadi.lie import quaternion
 from curvcasadi.symbolic.expressions import Array, Number, instance
 
-#: What is left of the equations beside the sum of the sizes of their terms, and most iterations.
+#: Residual of an equation over the sum of the sizes of its terms, and largest number of iterations.
 TOLERANCE, ITERATIONS = 1e-9, 20
-#: What an angle or an input may move from that of the trim, relative, without a warning; at least
-#: 0.005 rad, and of thrusts this share of the weight of a wing.
+#: Relative difference of an angle or an input from the trim without a warning; differences of
+#: 0.005 rad, or for thrusts of 0.005 of the largest vertical force at a root, are always allowed.
 MOVED, MOVED_LEAST = 0.1, 0.005
-#: What an unknown may stand beyond its bound, of the size of both bounds.
+#: Excess over a bound that counts as none, over the size of both bounds.
 BEYOND = 1e-6
 
 
@@ -53,7 +53,7 @@ def trimmed_state(
     the angle of attack, and induced flow of another kind move the equilibrium a little. What the
     trim left free is therefore solved for once more, within its bounds, with the equations of the
     model; in a turn the heading turns, and nothing else. A warning names the angles and inputs that
-    are others then, as in other air.
+    differ from those of the trim, as they do in air of another density.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def _newton(
 
 
 def _warn_of_another_flight(value: Array, unknowns: _Unknowns) -> None:
-    """Warn of angles and inputs that are others than those of the trim, as in other air."""
+    """Warn of angles and inputs that differ from those of the trim."""
     count = len(unknowns.names)
     before, after = unknowns.start[:count], value[:count]
     allowed = MOVED * np.abs(before) + MOVED_LEAST * unknowns.scales[:count]

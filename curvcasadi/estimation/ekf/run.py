@@ -47,8 +47,9 @@ def run_ekf(
     ------
     ValueError
         If a time is before the one that precedes it, if the start, samples or inputs are not
-        finite numbers of the sizes that the filter has, or the start's factor is none; with a
-        control model, if steps between samples are so long that Runge–Kutta's method is unstable.
+        finite numbers of the sizes that the filter has, or the start's factor is not that of a
+        covariance; with a control model, if steps between samples are so long that Runge–Kutta's
+        method is unstable.
     ConvergenceError
         If a prediction is not finite, or its implicit steps do not converge; `.result` is the
         estimate before it.

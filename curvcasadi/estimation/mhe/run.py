@@ -47,7 +47,8 @@ def run_mhe(
     ------
     ValueError
         If the start, samples or root inputs are not finite numbers of the sizes that the estimator
-        has, or the start's factor is none.
+        has, the start's factor is not that of a covariance, or, with a control model, `dt` is
+        beyond the stability of its steps at the start.
     """
     size, error = instance("mhe", mhe, ShapeMhe).layout.size, mhe.error_layout.size
     check_start(

@@ -125,9 +125,7 @@ def test_the_command_writes_all_cases_and_goes_on_from_a_record(folder, capsys):
     assert capsys.readouterr().out == printed
 
 
-def test_steps_with_which_a_mode_grows_are_failed_cases_before_they_leave_the_numbers(
-    folder, capsys
-):
+def test_steps_with_which_a_mode_grows_are_failed_cases_before_they_overflow(folder, capsys):
     path = folder / "coarse.toml"
     coarse = STUDY.replace("step = 0.004", "step = 0.2")
     path.write_text(coarse.replace("[1.0, 1.3]", "[1.0]"))

@@ -531,7 +531,7 @@ def test_ipopt_ends_on_bounds_of_inputs_with_success(bound):
 
 @pytest.mark.parametrize("solver", ["rti", "sqp", "ipopt"])
 @pytest.mark.parametrize("x", [1e20, 1e154, 1e300])
-def test_a_state_from_which_the_model_leaves_the_numbers_is_answered(solver, x):
+def test_a_state_from_which_the_motion_is_not_finite_is_answered(solver, x):
     mpc = tip_control(solver=solver)
     step = mpc.step(np.full(5, x), reference=GOAL)
     assert not step.success and "trimmed" in step.message

@@ -203,7 +203,8 @@ def _outcome(status: str, output: Mapping[str, ca.DM]) -> str:
 def _status(export: CFunction, output: Mapping[str, ca.DM]) -> str:
     if not all(m.is_regular() for m in output.values()):
         raise ValueError(
-            f"reference_inputs: expected inputs at which {export.name!r} is finite, found others"
+            f"reference_inputs: expected inputs at which {export.name!r} is finite, found others; "
+            "give others, or of an Mpc make a step before"
         )
     if not export.is_solver:
         return "OK"

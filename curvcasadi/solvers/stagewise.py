@@ -119,10 +119,11 @@ def node_linearization(stages: Stages, name: str) -> ca.Function:
 
 def _forward(shape: list[Size], nodes: list[Node], d: ca.MX) -> list[ca.MX]:
     """(s, u) of the nodes, of the unknowns d."""
-    found, state, at = [], ca.MX(0, 1), 0
-    for size, node in zip(shape, nodes, strict=True):
-        found.append(ca.vertcat(state, d[at : at + size.nu]))
-        state, at = node.F @ found[-1], at + size.nu
+    found, state = [], ca.MX(0, 1)
+    ends = np.cumsum([0, *(size.nu for size in shape)]).tolist()
+    for node, u in zip(nodes, ca.vertsplit(d, ends), strict=True):
+        found.append(ca.vertcat(state, u))
+        state = node.F @ found[-1]
     return found
 
 
@@ -233,7 +234,8 @@ class Stagewise(GaussNewton):
             "ng": [node.nc for node in nodes],
         }
         shapes = {"h": h.sparsity(), "a": a.sparsity()}
-        solve = ca.conic(f"{self.name}_qp", "hpipm", shapes, options)
+        # Wrapped, so that all outputs have a place: multipliers of no rows would have none to go to.
+        solve = ca.conic(f"{self.name}_qp", "hpipm", shapes, options).wrap()
         # Of all variables those that are unknowns, of all rows those that are limits.
         u = np.concatenate([np.repeat([False, True], [node.ns, node.nu]) for node in nodes])
         c = np.concatenate([np.repeat([False, True], [node.n_next, node.nc]) for node in nodes])
@@ -282,4 +284,4 @@ def _rows(sizes: list[Size], nodes: list[Node]) -> ca.MX:
 def _spread(values: ca.MX, where: Any, other: float) -> ca.MX:
     """A vector of `values` at the places `where`, of `other` elsewhere."""
     places = np.where(where, np.cumsum(where) - 1, where.sum()).tolist()
-    return ca.vertcat(values, other)[places]
+    return ca.vertcat(ca.vec(values), other)[places]

@@ -90,6 +90,33 @@ def test_results_between_calls_stay_apart(tmp_path):
     assert described["buffers"]["w"] < outer.sz_w()
 
 
+def test_inputs_that_are_handed_on_have_their_length(tmp_path):
+    """One index may be that of a result and of an intermediate one."""
+    x, y, z = ca.MX.sym("x"), ca.MX.sym("y", 2), ca.MX.sym("z", 3)
+    inner = ca.Function("inner", [z], [ca.sin(z)], {"never_inline": True})
+    f = ca.Function("f", [x, y, z], [x, z, y, ca.vertcat(x, y, inner(z))])
+    samples = {"f": [[1.0, [2.0, 3.0], [4.0, 5.0, 6.0]]]}
+    cc.export_c([f], tmp_path, reference_inputs=samples)
+    assert run_check(tmp_path)["f"] == 0
+
+
+@pytest.mark.parametrize("horizon", [1, 2])
+def test_a_controller_of_one_state_and_one_input_becomes_c(tmp_path, horizon):
+    x, u, p = (ca.MX.sym(key) for key in "xup")
+    layouts = {key: cc.Layout((cc.Part(key, 1, "1"),)) for key in "xup"}
+    model = cc.ControlModel(
+        name="lag",
+        **layouts,
+        y=cc.Layout((cc.Part("y", 3, "1"),)),
+        xdot=ca.Function("xdot", [x, u, p], [u - x + p]),
+        output=ca.Function("output", [x, u, p], [ca.vertcat(x, 2 * x, x**2)]),
+    )
+    mpc = cc.Mpc(model, dt=0.1, horizon=horizon, outputs={"y": [1, 0, 0]})
+    assert mpc.step([0.5], {"p": 0.1}).success
+    cc.export_c([mpc], tmp_path)
+    assert run_check(tmp_path)["mpc"] <= 1e-12
+
+
 def test_qrqp_has_room_for_the_end_of_its_list_of_integers(tmp_path):
     x, p = ca.MX.sym("x", 2), ca.MX.sym("p", 2)
     quiet = {"print_iter": False, "print_header": False, "print_info": False}

@@ -456,6 +456,59 @@ def test_bounds_far_away_leave_the_near_one_as_it_is(solver, far):
     assert max(loads) == pytest.approx(0.02, abs=1e-6)
 
 
+def drift(x0, solver, **options):
+    """A step of a place that is moved by its speed, the input, towards 0.1 m."""
+    integrator = model(
+        "drift",
+        {"x": [Part("at", 1, "m")], "u": [Part("speed", 1, "m/s")], "y": [Part("place", 1, "m")]},
+        lambda x, u, p: u,
+        lambda x, u, p: x,
+    )
+    chosen = {"solver": "sqp", "qp_solver": "hpipm"} if solver == "hpipm" else {"solver": solver}
+    fields = {"outputs": {"place": 1.0}, "inputs": {"speed": 1e-3}, "dt": DT, **options}
+    return cc.Mpc(integrator, **fields, **chosen).step([x0], reference={"place": 0.1})
+
+
+@pytest.mark.parametrize("solver", ["sqp", "hpipm", "ipopt"])
+@pytest.mark.parametrize("horizon", [1, 2, 4])
+def test_one_input_of_one_stage_or_more_without_any_bound(solver, horizon):
+    speeds = np.tril(np.ones((horizon, horizon))) * DT
+    normal = speeds.T @ speeds + 1e-3 * np.eye(horizon)
+    expected = np.linalg.solve(normal, speeds.T @ np.full(horizon, 0.1 - 0.7))
+    step = drift(0.7, solver, horizon=horizon)
+    assert step.success, step.message
+    assert_allclose(step.plan[0], expected, atol=1e-7)
+    held = drift(0.7, solver, horizon=horizon, blocks=(horizon,))
+    length = speeds.sum(axis=1)
+    expected = length @ np.full(horizon, -0.6) / (length @ length + 1e-3 * horizon)
+    assert held.success, held.message
+    assert_allclose(held.plan[0], expected, atol=1e-7)
+
+
+@pytest.mark.parametrize("solver", ["rti", "sqp", "hpipm", "ipopt"])
+def test_soft_bounds_that_are_kept_change_nothing(solver):
+    options = {"horizon": 3, "damping": 0.0}
+    free = drift(0.2, solver, **options)
+    soft = drift(0.2, solver, bounds={"place": (-0.3, 0.3)}, soft={"place": 5.0}, **options)
+    assert soft.success, soft.message
+    assert_allclose(soft.plan, free.plan, atol=1e-7)
+    assert_allclose(soft.slack["place"], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("solver", ["rti", "sqp", "hpipm", "ipopt"])
+def test_the_excess_over_a_soft_bound_is_that_of_its_weight(solver):
+    """One stage: ½ (y - 0.1)² + ½ 5 (y - 0.3)² + ½ 1e-3 u², y = 1 + DT u, of which y > 0.3."""
+    bounds = {"place": (-0.3, 0.3), "speed": (-2.0, 2.0)}
+    step = drift(1.0, solver, horizon=1, bounds=bounds, soft={"place": 5.0})
+    assert step.success, step.message
+    assert_allclose(step.u, -2.0, atol=1e-7)
+    assert_allclose(step.slack["place"], 0.5, atol=1e-6)
+    step = drift(1.0, solver, horizon=1, inputs={"speed": 0.1}, bounds=bounds, soft={"place": 5.0})
+    speed = -DT * (0.9 + 5 * 0.7) / (0.1 + 6 * DT**2)
+    assert step.success, step.message
+    assert_allclose(step.u, max(speed, -2.0), atol=1e-7)
+
+
 @pytest.mark.parametrize("solver", ["rti", "sqp", "ipopt"])
 def test_inputs_bounded_far_away_are_those_without_bounds(solver):
     free = model(

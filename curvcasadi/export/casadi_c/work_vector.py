@@ -81,10 +81,12 @@ def _signature(function: ca.Function) -> str:
 def _length(function: ca.Function, index: int) -> int:
     """Of an intermediate result of an MX function, by its index."""
     for k in range(function.n_instructions()):
-        outputs = function.instruction_output(k)
-        if index in outputs:
+        operation, outputs = function.instruction_id(k), function.instruction_output(k)
+        if index in outputs and operation != ca.OP_OUTPUT:  # whose index is that of a result
+            if operation == ca.OP_INPUT:
+                return int(function.nnz_in(function.instruction_input(k)[0]))
             node = function.instruction_MX(k)
-            if function.instruction_id(k) == ca.OP_CALL:
+            if operation == ca.OP_CALL:
                 return int(node.which_function().nnz_out(outputs.index(index)))
             whole = node.n_out() < 2
             return int((node if whole else node.get_output(outputs.index(index))).nnz())

@@ -357,7 +357,7 @@ class Mpc:
             message=message,
             violation=violation,
             stationarity=stationarity,
-            slack=self._slacks(np.maximum(numeric["slack"], 0.0)),
+            slack=self._slacks(numeric["slack"]),
         )
 
     def fallback(

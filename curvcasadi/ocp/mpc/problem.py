@@ -100,10 +100,14 @@ class MpcProblem:
 
     @cached_property
     def unknown_bounds(self) -> tuple[Array, Array]:
-        """Bounds of all unknowns."""
-        slacks, inputs = len(self.soft), self.hold[-1] + 1
-        lower = np.concatenate([self.lower / self.scale, np.zeros(slacks)])
-        upper = np.concatenate([self.upper / self.scale, np.full(slacks, np.inf)])
+        """Bounds of all unknowns.
+
+        Slacks have none: one below zero would cost more and bound more closely, so that none is.
+        A bound at zero would be reached without a multiplier, on which interior points do not end.
+        """
+        free, inputs = np.full(len(self.soft), np.inf), self.hold[-1] + 1
+        lower = np.concatenate([self.lower / self.scale, -free])
+        upper = np.concatenate([self.upper / self.scale, free])
         return np.tile(lower, inputs), np.tile(upper, inputs)
 
     @cached_property

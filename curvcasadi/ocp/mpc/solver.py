@@ -174,7 +174,7 @@ class MpcSolver:
         scale = ca.diag(ca.DM(problem.scale))
         plan = [scale @ w[:nu] for w in held]
         units = ca.DM([limit.unit for limit in problem.soft])
-        slacks = [units * w[nu:] if problem.soft else ca.MX(0, 1) for w in held]
+        slacks = [units * ca.fmax(w[nu:], 0) if problem.soft else ca.MX(0, 1) for w in held]
         violation = excess / self.tolerance
         for defect in self._defects(inputs):
             violation = larger(violation, defect)

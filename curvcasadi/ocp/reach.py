@@ -223,7 +223,8 @@ def _result(
     elif weighted:
         message = f"a compromise of weights: {weighted}"
     if reached and not solvers.converged:
-        message += ", but the best shape among those that reach was not found"
+        best = "the best one" if weighted else "the best shape among those that reach"
+        message += f", but {best} was not found"
     return ShapeResult(
         q=ca.DM(q),
         shape=shape_map(beam, q),

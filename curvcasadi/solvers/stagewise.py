@@ -234,7 +234,7 @@ class Stagewise(GaussNewton):
             "ng": [node.nc for node in nodes],
         }
         shapes = {"h": h.sparsity(), "a": a.sparsity()}
-        # Wrapped, so that all outputs have a place: multipliers of no rows would have none to go to.
+        # Wrapped, so that all outputs have a place: multipliers of no rows would go nowhere.
         solve = ca.conic(f"{self.name}_qp", "hpipm", shapes, options).wrap()
         # Of all variables those that are unknowns, of all rows those that are limits.
         u = np.concatenate([np.repeat([False, True], [node.ns, node.nu]) for node in nodes])

@@ -11,7 +11,7 @@ from curvcasadi.beam.beam import Beam
 from curvcasadi.dynamics import applied, recursion, system
 from curvcasadi.dynamics.system import System
 from curvcasadi.kinematics.root_motion import RootMotion
-from curvcasadi.statics.balance import stiffness_matrix
+from curvcasadi.statics.energy import stiffness_matrix
 from curvcasadi.symbolic.expressions import AnyExpr
 
 

@@ -220,14 +220,6 @@ class TrimSolver:
         others += [f"wing {n} is out of equilibrium" for n, r in left.items() if r > limit]
         held = active if converged else None
         failure = failure_message(balances.full().ravel(), scales, others, held, case.remedy)
-        message = "trimmed" if converged else "trimmed, not optimal"
-        if failure and converged:
-            message = f"no trim at {case.flight}: {failure}"
-        elif failure:
-            message = (
-                f"trim at {case.flight} did not converge in {iterations} iterations, so that there "
-                f"may be one; try another guess. Where it stopped, {failure}"
-            )
         trimmed = missed <= TOLERANCE
         return TrimResult(
             speed=float(p[0]),
@@ -252,7 +244,7 @@ class TrimSolver:
             converged=converged,
             iterations=iterations,
             active_bounds=active,
-            message=message,
+            message=_outcome(case, failure, converged, iterations),
             unknowns=x,
             bounds=free_bounds(problem, bounds, p),
             path_is_free=case.flight_path is None,
@@ -281,6 +273,18 @@ class TrimSolver:
             )
             found[wing.name] = strip_forces(wing.beam, q[wing.name], load)
         return found
+
+
+def _outcome(case: Case, failure: str, converged: bool, iterations: int) -> str:
+    """What a search found, in words."""
+    if not failure:
+        return "trimmed" if converged else "trimmed, not optimal"
+    if converged:
+        return f"no trim at {case.flight}: {failure}"
+    return (
+        f"trim at {case.flight} did not converge in {iterations} iterations, so that there may be "
+        f"one; try another guess. Where it stopped, {failure}"
+    )
 
 
 def _run(

@@ -114,7 +114,7 @@ def closed_loop(
     ValueError
         If an argument is not of that kind.
     """
-    at, applied = (np.array(numbers(*pair), ndmin=2) for pair in (("x", x), ("u", u)))
+    state, applied = (np.array(numbers(*pair), ndmin=2) for pair in (("x", x), ("u", u)))
     times = numbers("times", times).ravel()
     if len(times) < 2 or not np.allclose(np.diff(times), times[1] - times[0]):
         raise ValueError(f"times: expected at least two, evenly spaced, s, found {times}")
@@ -127,42 +127,42 @@ def closed_loop(
     count("every", every)
     if observer is not None and read is None:
         raise ValueError("read: expected a function of x, u and p for the observer, found None")
-    shape = (len(at), applied.shape[-1])
-    if len(applied) not in (1, len(at)):
-        raise ValueError(f"u: expected shape (nu,) or ({len(at)}, nu), found {applied.shape}")
+    shape = (len(state), applied.shape[-1])
+    if len(applied) not in (1, len(state)):
+        raise ValueError(f"u: expected shape (nu,) or ({len(state)}, nu), found {applied.shape}")
     applied = np.array(np.broadcast_to(applied, shape))
-    command, seen = applied, at
+    command, estimates = applied, state
     log: list[tuple[Any, ...]] = []
 
     def parameters(time: float) -> Array:
         values = numbers("p", p(time))
-        return np.array(np.broadcast_to(values, (len(at), values.shape[-1])))
+        return np.array(np.broadcast_to(values, (len(state), values.shape[-1])))
 
     def so_far() -> ClosedLoop:
         return ClosedLoop(*(np.array(rows) for rows in zip(*log, strict=True)))
 
     for k, time in enumerate(times):
-        given = parameters(time)
+        present = parameters(time)
         if observer is not None and read is not None:
-            values = np.asarray(read(at, applied, given))
-            observer.take(values if link is None else link(values), applied)
+            readings = np.asarray(read(state, applied, present))
+            observer.take(readings if link is None else link(readings), applied)
         if k % every == 0:
-            seen = at if observer is None else observer.present()
-            command = np.asarray(control(float(time), seen, applied), dtype=float)
+            estimates = state if observer is None else observer.present()
+            command = np.asarray(control(float(time), estimates, applied), dtype=float)
             if command.shape != shape:
                 raise ValueError(f"control: expected commands {shape}, found {command.shape}")
-        log.append((time, at, applied, given, seen))
+        log.append((time, state, applied, present, estimates))
         _finite("command", command, time, so_far)
         if k == len(times) - 1:
             break
         for j in range(substeps):
             middle = actuators.follow(applied, command, dt / 2)
-            after = np.asarray(step(at, middle, parameters(time + (j + 0.5) * dt)))
-            if after.shape != at.shape:
-                raise ValueError(f"step: expected states {at.shape}, found {after.shape}")
-            at = after
+            after = np.asarray(step(state, middle, parameters(time + (j + 0.5) * dt)))
+            if after.shape != state.shape:
+                raise ValueError(f"step: expected states {state.shape}, found {after.shape}")
+            state = after
             applied = actuators.follow(middle, command, dt / 2)
-        _finite("state", at, time, so_far)
+        _finite("state", state, time, so_far)
     return so_far()
 
 

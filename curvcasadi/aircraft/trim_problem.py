@@ -132,9 +132,7 @@ class TrimProblem:
 
     def _flight(self, unknown: dict[str, ca.MX]) -> Flight:
         alpha, pitch, beta, roll = (unknown[name] for name in ANGLES)
-        direction = ca.vertcat(
-            ca.cos(alpha) * ca.cos(beta), ca.sin(beta), ca.sin(alpha) * ca.cos(beta)
-        )
+        direction = flight_direction(alpha, beta)
         p = self._parameter
         rate: ca.MX = unknown["turn_rate"] * attitude_matrix(roll, pitch)[2, :].T
         omega = rate if self.turning else ca.DM.zeros(3)
@@ -273,6 +271,11 @@ def _flight(
 ) -> Flight:
     flow = Flow(density=density, velocity=velocity, angular_rate=angular_rate)
     return Flight(flow=flow, attitude=attitude_matrix(roll, pitch), gravity=gravity)
+
+
+def flight_direction(alpha: AnyExpr, beta: AnyExpr) -> AnyExpr:
+    """Direction of the velocity, (3, 1), body axes, at angles of attack and sideslip, rad."""
+    return ca.vertcat(ca.cos(alpha) * ca.cos(beta), ca.sin(beta), ca.sin(alpha) * ca.cos(beta))
 
 
 def attitude_matrix(roll: AnyExpr, pitch: AnyExpr) -> AnyExpr:

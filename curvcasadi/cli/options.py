@@ -19,6 +19,8 @@ FIGURES = (".png", ".svg", ".pdf")
 ANIMATIONS = (".gif", ".mp4")
 #: Steps of a range that a command takes.
 MOST_STEPS = 2000
+#: Units that an option takes beside its SI unit, and how many of that each is.
+_OTHER_UNITS = {"rad": {"deg": math.pi / 180}, "rad/s": {"deg/s": math.pi / 180}}
 
 
 def output(*endings: str) -> Callable[[str], Path]:
@@ -47,10 +49,6 @@ def add_progress(parser: Any) -> None:
         default=sys.stderr.isatty(),
         help="no progress bar",
     )
-
-
-#: Units of an option beside the SI unit in which it is taken, and what one of each is in it.
-_OTHER_UNITS = {"rad": {"deg": math.pi / 180}, "rad/s": {"deg/s": math.pi / 180}}
 
 
 def in_unit(text: str, unit: str) -> float:

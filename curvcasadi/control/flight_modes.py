@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from curvcasadi.aircraft.trim_result import TrimResult
 from curvcasadi.control.linearize import linearize
 from curvcasadi.control.model import ControlModel
+from curvcasadi.control.roots import OSCILLATING
 from curvcasadi.control.trimmed_state import trimmed_state
 from curvcasadi.lie import quaternion
 from curvcasadi.symbolic.expressions import Array, Number
@@ -45,8 +46,6 @@ NAMED = {
     "roll": (2,),
 }
 _RIGID = 8
-#: Of Im λ/|λ|: what is below does not oscillate.
-_OSCILLATING = 1e-6
 #: Oscillations of the wings that are printed.
 _SHOWN = 4
 
@@ -203,7 +202,7 @@ def flight_modes(
         basis.T @ linearize(model, at.x, at.u, p).A @ basis, left=True, right=True
     )
     size = np.abs(values)
-    values = np.where(np.abs(values.imag) > _OSCILLATING * size, values, values.real)
+    values = np.where(np.abs(values.imag) > OSCILLATING * size, values, values.real)
     part = np.abs(left.conj() * right) / np.abs(np.sum(left.conj() * right, axis=0))
     kept = np.flatnonzero(values.imag >= 0)
     kept = kept[np.argsort(size[kept], kind="stable")]

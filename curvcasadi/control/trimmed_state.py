@@ -9,7 +9,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from curvcasadi.aircraft.trim_problem import MOTION
+from curvcasadi.aircraft.trim_problem import MOTION, flight_direction
 from curvcasadi.aircraft.trim_result import TrimResult
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.signals import stacked
@@ -226,9 +226,7 @@ class _Unknowns:
         attitude = quaternion.product(
             quaternion.exp(ca.vertcat(0, pitch, 0)), quaternion.exp(ca.vertcat(roll, 0, 0))
         )
-        velocity = trim.speed * ca.vertcat(
-            ca.cos(alpha) * ca.cos(beta), ca.sin(beta), ca.sin(alpha) * ca.cos(beta)
-        )
+        velocity = trim.speed * flight_direction(alpha, beta)
         named = {part.name: ca.MX.zeros(part.size) for part in model.x.parts}
         down = quaternion.rotation(attitude)[2, :].T  # inertial z in body axes
         omega = turn_rate * down

@@ -135,7 +135,9 @@ def closed_loop(
     log: list[tuple[Any, ...]] = []
 
     def parameters(time: float) -> Array:
-        values = numbers("p", p(time))
+        values = np.array(numbers("p", p(time)), ndmin=2)
+        if values.ndim > 2 or len(values) not in (1, len(state)):
+            raise ValueError(f"p: expected shape (np,) or ({len(state)}, np), found {values.shape}")
         return np.array(np.broadcast_to(values, (len(state), values.shape[-1])))
 
     def so_far() -> ClosedLoop:

@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from curvcasadi.symbolic.expressions import Array, Expr, expression
+from curvcasadi.symbolic.expressions import Array, Expr, count, expression
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +32,11 @@ class Part:
     nominal : float or array, shape (size,), optional
         Value of a parameter where it is not given, such as that of a gust in calm air; without
         one a controller asks for it by name.
+
+    Raises
+    ------
+    ValueError
+        For an empty name, and sizes, bounds and nominal values that do not fit each other.
     """
 
     name: str
@@ -43,10 +48,37 @@ class Part:
     nominal: float | Array | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise ValueError(f"Part.name: expected a name, found {self.name!r}")
+        count(f"{self.name}.size", self.size, 0)
         if self.attitude and self.size != 4:
             raise ValueError(
                 f"{self.name}: expected the 4 entries of a quaternion, found {self.size}"
             )
+        lower, upper = self._entries("lower"), self._entries("upper")
+        if np.any(lower > upper):
+            raise ValueError(
+                f"{self.name}: expected lower ≤ upper, found {self.lower} and {self.upper}"
+            )
+        if self.nominal is not None:
+            nominal = self._entries("nominal")
+            if not np.all(np.isfinite(nominal) & (lower <= nominal) & (nominal <= upper)):
+                raise ValueError(
+                    f"{self.name}.nominal: expected finite numbers within the bounds, "
+                    f"found {self.nominal}"
+                )
+
+    def _entries(self, field: str) -> Array:
+        value = getattr(self, field)
+        try:
+            array = np.broadcast_to(np.asarray(value, dtype=float), (self.size,))
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"{self.name}.{field}: expected one number or {self.size}, found {value!r}"
+            ) from None
+        if np.any(np.isnan(array)):
+            raise ValueError(f"{self.name}.{field}: expected numbers, found NaN in {value!r}")
+        return array
 
 
 @dataclass(frozen=True, eq=False)

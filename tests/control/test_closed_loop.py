@@ -102,6 +102,7 @@ def test_what_is_not_finite_is_named_with_time_and_lane():
         ({"link": 3}, "link: expected a function, found 3"),
         ({"step": None}, "step: expected a function, found None"),
         ({"p": lambda time: [np.nan]}, "p: expected finite numbers"),
+        ({"p": lambda time: np.zeros((3, 1))}, r"p: expected shape \(np,\) or \(2, np\)"),
     ],
 )
 def test_mistakes_are_named(options, words):

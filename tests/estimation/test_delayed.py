@@ -103,3 +103,37 @@ def test_mistakes_are_named(shaft):
         late.take(None, [0.0, 0.0])
     with pytest.raises(ValueError, match=r"samples: expected shape \(1, 4\)"):
         late.take(np.zeros((1, 3)), [[0.0]])
+
+
+def test_arrays_that_are_no_readings_change_nothing(shaft):
+    ekf = shaft[-1]
+    late = cc.DelayedFilter(
+        ekf, ekf.initial({"q": 0.1, "q_dot": 1.0}), dt=DT, p=[0.3], compiled=False
+    )
+    late.take(np.full((1, 4), 0.01), [[0.1]])
+    before = late.present()
+    for samples, u, words in (
+        (np.zeros((1, 4)), [[np.nan]], "u: expected finite numbers"),
+        (np.zeros((1, 4)), None, "u: expected numbers, found None"),
+        ([[0.0, np.inf, 0.0, 0.0]], [[0.1]], r"samples\[0, 1\]: expected finite numbers or NaN"),
+        (np.zeros((1, 3)), [[0.1]], r"samples: expected shape \(1, 4\)"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            late.take(samples, u)
+    np.testing.assert_array_equal(late.present(), before)
+
+
+@pytest.mark.parametrize("delay", [0, 2])
+def test_none_after_the_first_samples_means_that_all_are_lost(shaft, delay):
+    rows, ekf = history(shaft, 1), shaft[-1]
+    filters = [
+        cc.DelayedFilter(
+            ekf, ekf.initial({"q": 0.1, "q_dot": 1.0}), dt=DT, delay=delay, p=[0.3], compiled=False
+        )
+        for _ in range(2)
+    ]
+    for lost, late in zip((None, np.full((1, 4), np.nan)), filters, strict=True):
+        for k, (_, u, _) in enumerate(rows):
+            values = rows[k - delay][2] if k >= delay else None
+            late.take(lost if k in (9, 10, 20) else values, u)
+    np.testing.assert_array_equal(filters[0].present(), filters[1].present())

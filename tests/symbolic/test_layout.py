@@ -84,3 +84,24 @@ def test_join_refuses_missing_unknown_and_wrongly_sized_parts(layout):
         layout.join({**parts, "spin": 0.0})
     with pytest.raises(ValueError, match=r"rate: expected shape \(2, 1\), found \(3, 1\)"):
         layout.join({**parts, "rate": np.zeros(3)})
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"name": ""}, "Part.name: expected a name"),
+        ({"size": -1}, "speed.size: expected a whole number of at least 0, found -1"),
+        ({"size": 1.5}, "speed.size: expected a whole number"),
+        ({"lower": 2.0, "upper": 1.0}, "speed: expected lower ≤ upper, found 2.0 and 1.0"),
+        ({"lower": np.nan}, "speed.lower: expected numbers, found NaN"),
+        ({"upper": [1.0, 2.0, 3.0]}, "speed.upper: expected one number or 2"),
+        ({"nominal": np.nan}, "speed.nominal: expected numbers, found NaN"),
+        ({"nominal": np.inf}, "speed.nominal: expected finite numbers within"),
+        ({"nominal": "calm"}, "speed.nominal: expected one number or 2, found 'calm'"),
+        ({"upper": 1.0, "nominal": [0.5, 2.0]}, "speed.nominal: expected finite numbers within"),
+        ({"attitude": True}, "speed: expected the 4 entries of a quaternion"),
+    ],
+)
+def test_parts_that_contradict_themselves_are_named(fields, words):
+    with pytest.raises(ValueError, match=words):
+        cc.Part(**{"name": "speed", "size": 2, "unit": "m/s", **fields})

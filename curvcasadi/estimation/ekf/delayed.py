@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf
+from curvcasadi.estimation.samples import numbers_or_nan
 from curvcasadi.symbolic.compiled import compile_function
 from curvcasadi.symbolic.expressions import Array, count, instance, numbers, positive
 
@@ -25,7 +26,8 @@ class DelayedFilter:
     ekf : ShapeEkf
         A filter on a control model, of `shape_ekf`.
     start : Estimate
-        What every lane starts from: the result of `ShapeEkf.initial`.
+        What every lane starts from, an interval before the first sample: the result of
+        `ShapeEkf.initial`.
     dt : float
         Interval of the samples, s.
     delay : int
@@ -74,6 +76,7 @@ class DelayedFilter:
         )
         self._state = ca.repmat(start.state, 1, lanes)
         self._factor = ca.repmat(start.factor, 1, lanes)
+        self._has_begun = False
         self._applied: deque[Array] = deque(maxlen=count("delay", delay, 0) + 1)
 
     def take(self, samples: ArrayLike | None, u: ArrayLike) -> None:
@@ -82,16 +85,29 @@ class DelayedFilter:
         Parameters
         ----------
         samples : array, shape (lanes, m), or None
-            Readings of `delay` intervals ago, NaN where there is none; None before the first.
+            Readings of `delay` intervals ago, NaN where there is none. None before the first, for
+            which time does not go on; later it means that all are lost.
         u : array, shape (lanes, nu)
-            Inputs that are applied at present.
+            Inputs that are applied at present, and since the interval before.
+
+        Raises
+        ------
+        ValueError
+            If an argument has another shape, or is infinite, or an input NaN. Nothing has changed
+            then.
         """
-        self._applied.append(self._rows("u", u, self._predict.size1_in("u")))
+        lanes, rows = self._state.shape[1], self._update.size1_in("measured")
+        applied = _shaped("u", numbers("u", u), (lanes, self._predict.size1_in("u")))
         if samples is None:
+            measured = np.full((lanes, rows), np.nan)
+        else:
+            measured = _shaped("samples", numbers_or_nan("samples", samples), (lanes, rows))
+        self._applied.append(applied)
+        if samples is None and not self._has_begun:
             return
+        self._has_begun = True
         inputs = self._inputs(self._applied[0])
         belief = self._predict(self._state, self._factor, self._dt, *inputs)
-        measured = self._rows("samples", samples, self._update.size1_in("measured"))
         self._state, self._factor, *_ = self._update(*belief, measured.T, *inputs)
 
     def present(self) -> Array:
@@ -107,11 +123,11 @@ class DelayedFilter:
             state, factor = self._predict(state, factor, self._dt, *self._inputs(u))
         return np.array(state).T
 
-    def _rows(self, name: str, values: ArrayLike, size: int) -> Array:
-        array, shape = np.array(values, dtype=float), (self._state.shape[1], size)
-        if array.shape != shape:
-            raise ValueError(f"{name}: expected shape {shape}, found {array.shape}")
-        return array
-
     def _inputs(self, u: Array) -> list[Array]:
         return [u.T, self._p] if self._p.size else [u.T]
+
+
+def _shaped(name: str, values: Array, shape: tuple[int, int]) -> Array:
+    if values.shape != shape:
+        raise ValueError(f"{name}: expected shape {shape}, found {values.shape}")
+    return values

@@ -37,11 +37,11 @@ class Node(NamedTuple):
 class Size(NamedTuple):
     """Sizes of a node."""
 
-    ns: int
-    nu: int
-    n_next: int
-    nc: int
-    nr: int
+    ns: int  #: of its state s
+    nu: int  #: of its unknowns u
+    n_next: int  #: of the state of the next node
+    nc: int  #: of its limits
+    nr: int  #: of its errors
 
 
 def sizes(stages: Stages) -> list[Size]:

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.estimation import ud
-from curvcasadi.estimation.ekf.readings import Rows
+from curvcasadi.estimation.rows import Rows
 from curvcasadi.symbolic.expressions import AnyExpr
 
 

@@ -12,14 +12,10 @@ from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.beam.beam import Beam
 from curvcasadi.control.model import ControlModel
 from curvcasadi.estimation.ekf.filter import ShapeEkf
-from curvcasadi.estimation.ekf.model_filter import (
-    RECOVERY,
-    Options,
-    described_process,
-    model_filter,
-)
+from curvcasadi.estimation.ekf.model_filter import RECOVERY, model_filter
 from curvcasadi.estimation.ekf.readings import Observation
 from curvcasadi.estimation.ekf.update import update_function
+from curvcasadi.estimation.model_observation import Options, described_process
 from curvcasadi.estimation.model_process import ModelProcess
 from curvcasadi.estimation.process import (
     Process,

@@ -7,8 +7,8 @@ import numpy as np
 
 from curvcasadi.estimation import ud
 from curvcasadi.estimation.ekf.gate import Gate
-from curvcasadi.estimation.ekf.model_readings import ModelObservation, ModelReadings
 from curvcasadi.estimation.ekf.update import prior_belief
+from curvcasadi.estimation.model_readings import ModelObservation, ModelReadings
 from curvcasadi.estimation.samples import attitudes_function
 
 

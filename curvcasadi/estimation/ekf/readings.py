@@ -9,6 +9,7 @@ import casadi as ca
 
 from curvcasadi.beam.beam import Beam
 from curvcasadi.estimation.process import Process
+from curvcasadi.estimation.rows import Rows
 from curvcasadi.sensors import Channels, RateGyro, RootMotion, Sensor
 from curvcasadi.sensors.readout import Readout
 from curvcasadi.symbolic.expressions import AnyExpr, Array
@@ -37,16 +38,6 @@ class Observation:
     def kinds(self) -> tuple[str, ...]:
         """Kinds of sensors, whose rejections are counted."""
         return tuple(dict.fromkeys(sensor.prefix for sensor in self.sensors))
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Rows:
-    """Linearized rows of one sensor: 0 = residual + slope · (unknowns, error) + noise."""
-
-    shared: bool  #: whether they depend on unknowns
-    together: bool  #: whether a gate lets all through or none
-    rows: list[AnyExpr]  #: (unknowns + error + 1, 1) each: slope, residual
-    variance: Array  #: (r,)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,11 +10,11 @@ import numpy as np
 from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.beam.beam import Beam
 from curvcasadi.control.model import ControlModel
-from curvcasadi.estimation.ekf.model_filter import Options, described_process
 from curvcasadi.estimation.mhe.estimator import ShapeMhe
 from curvcasadi.estimation.mhe.model_estimator import Loss, model_estimator
 from curvcasadi.estimation.mhe.step import step_function
 from curvcasadi.estimation.mhe.window import WindowProblem
+from curvcasadi.estimation.model_observation import Options, described_process
 from curvcasadi.estimation.model_process import ModelProcess
 from curvcasadi.estimation.process import (
     Process,

@@ -10,10 +10,10 @@ import numpy as np
 from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.beam.beam import Beam
 from curvcasadi.control.signals import two_sides
-from curvcasadi.estimation.ekf.model_filter import Options, given_layouts, model_observation
 from curvcasadi.estimation.mhe.estimator import ShapeMhe
 from curvcasadi.estimation.mhe.model_step import model_step_function
 from curvcasadi.estimation.mhe.model_window import ModelWindow
+from curvcasadi.estimation.model_observation import Options, given_layouts, model_observation
 from curvcasadi.estimation.model_process import Dynamics, ModelProcess
 from curvcasadi.sensors import Sensor
 from curvcasadi.solvers.settings import SqpSettings

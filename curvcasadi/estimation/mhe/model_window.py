@@ -24,8 +24,8 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.control.error_state import add
-from curvcasadi.estimation.ekf.model_readings import ModelObservation, ModelReadings
 from curvcasadi.estimation.model_process import Dynamics, flow_function
+from curvcasadi.estimation.model_readings import ModelObservation, ModelReadings
 from curvcasadi.estimation.process import DEGREE
 from curvcasadi.estimation.samples import or_zero
 from curvcasadi.kinematics.root_motion import ROOT_INPUTS

@@ -21,8 +21,8 @@ import numpy as np
 from curvcasadi.beam.beam import Beam
 from curvcasadi.beam.pose import Pose
 from curvcasadi.control.error_state import add
-from curvcasadi.estimation.ekf.readings import Rows
 from curvcasadi.estimation.model_process import Dynamics, columns_of, rates_function
+from curvcasadi.estimation.rows import Rows
 from curvcasadi.kinematics.root_motion import ROOT_INPUTS
 from curvcasadi.lie import quaternion, se3
 from curvcasadi.sensors import Accelerometer, Channels, RateGyro, RootMotion, Sensor

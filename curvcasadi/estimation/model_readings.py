@@ -1,4 +1,4 @@
-"""What the update of a filter on a control model reads: sensors on wings, and the model's outputs.
+"""What estimators on a control model read: sensors on wings, and outputs of the model.
 
 Sensors on a wing read q, q_dot and the model's q_ddot(x, u, p); with A = ∂q_ddot/∂δ the row of an
 accelerometer is

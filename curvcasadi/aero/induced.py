@@ -23,10 +23,12 @@ import casadi as ca
 import numpy as np
 from numpy.polynomial import chebyshev, legendre
 
-from curvcasadi.symbolic.expressions import AnyExpr, Array, Number, count, numbers
+from curvcasadi.symbolic.expressions import AnyExpr, Array, Number, count, instance, numbers
 
 #: Degree of the polynomials along the span that stand for poses, and the fewest stations.
 SMOOTH, FEWEST = 6, 3
+#: Most horseshoes of a line.
+MOST = 24
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -36,7 +38,7 @@ class LiftingLine:
     Attributes
     ----------
     panels : int
-        Number of horseshoes along the beam. Six are converged.
+        Number of horseshoes along the beam, at most 24. Six are converged.
     frozen : bool
         Whether the influence of the horseshoes is that of one shape in one stream: a constant
         matrix, for control models. Otherwise it moves with the wing.
@@ -51,7 +53,7 @@ class LiftingLine:
         the wings of an aircraft by name, as those of a `TrimResult`. None for the unbent wing.
     velocity : array, shape (3,), or None
         Velocity of the parent through the air, m/s, parent axes, which leaves the wake of a frozen
-        line behind; None for the parent axis nearest to the chord at the root.
+        line behind, toward the leading edge of the root; None for the parent axis nearest to the chord at the root.
     """
 
     panels: int = 6
@@ -62,7 +64,13 @@ class LiftingLine:
     velocity: Number | None = None
 
     def __post_init__(self) -> None:
-        count("LiftingLine.panels", self.panels)
+        if count("LiftingLine.panels", self.panels) > MOST:
+            raise ValueError(
+                f"LiftingLine.panels: expected at most {MOST}, as expressions grow with their "
+                f"third power, found {self.panels}; six are converged"
+            )
+        for name in ("frozen", "image"):
+            instance(f"LiftingLine.{name}", getattr(self, name), bool)
         for name in ("shape", "velocity"):
             if getattr(self, name) is not None and not self.frozen:
                 raise ValueError(

@@ -25,6 +25,7 @@ from curvcasadi.aero.stations import air_stations, section_data
 from curvcasadi.aero.strip import StripAerodynamics
 from curvcasadi.beam.beam import Beam
 from curvcasadi.kinematics.shape import poses
+from curvcasadi.kinematics.weights import check_angles
 from curvcasadi.symbolic.expressions import AnyExpr, Number, expression, is_numeric
 
 #: Cosine of the largest angle between an axis and the parent axis that it is taken for.
@@ -242,6 +243,7 @@ def _frozen(
     q = ca.DM.zeros(beam.basis.n)
     if line.shape is not None:
         q = expression("LiftingLine.shape", line.shape, q.shape)
+        check_angles(beam, q, "LiftingLine.shape")
     frames = [beam.root.packed, *(pose.packed for pose in poses(beam, q, stations))]
     shape = line_functions.geometry(line.panels, line.image, tuple(stations))
     corners, normals = shape(ca.horzcat(*frames), centers)
@@ -249,6 +251,12 @@ def _frozen(
         stream = -_nearest_axis(beam, 1, "the chord of the root, as LiftingLine.velocity is None")
     else:
         stream = -ca.DM(line.velocity / np.linalg.norm(line.velocity))
+        chord = beam.root.rotation[:, 1]
+        if is_numeric(chord) and float(ca.dot(stream, ca.DM(chord))) > -1e-9:
+            raise ValueError(
+                "LiftingLine.velocity: expected one toward the leading edge of the root, along "
+                f"{ca.DM(chord)}, found {line.velocity}"
+            )
     of = induced.influence(line.panels, line.image, tuple(induced.panels_of(line).fractions))
     reduced = ca.DM.eye(line.panels) - of(corners, normals, stream, plane) @ ca.diag(k)
     matrix = ca.diag(k) @ induced.unpivoted_solve(reduced, ca.DM.eye(line.panels))

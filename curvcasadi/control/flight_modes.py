@@ -4,7 +4,8 @@ Position and heading are ignorable: they are left out, and with them four zero e
 left are the tilt of the body about the horizontal axes, its twist, and the states of wings and air.
 A state k takes part in a mode with left and right eigenvectors l and r by |l_k r_k|/|lᴴ r|, in
 whatever unit it is; conjugate pairs count as one. A name goes to the mode in which its states take
-part most, all names together:
+part most, all names together. Phugoid and short period trade one state for another, so that of
+these two the one with less part counts; the spiral is either of its two, and their mean counts:
 
     phugoid          pitch angle, velocity along x
     short period     pitch rate, velocity along z
@@ -45,6 +46,8 @@ NAMED = {
     "spiral": (0, 4),
     "roll": (2,),
 }
+#: Names of motions in which both states take part.
+_TRADES = ("phugoid", "short period")
 _RIGID = 8
 #: Oscillations of the wings that are printed.
 _SHOWN = 4
@@ -234,7 +237,9 @@ def _names(part: Array, lag: int) -> list[str]:
     ends = [0, _RIGID, len(part) - lag, len(part)]
     shares = [np.sum(part[a:b], axis=0) for a, b in pairwise(ends)]
     names = [("body", "wings", "air")[k] for k in np.argmax(shares, axis=0)]
-    scores = np.array([np.mean(part[list(rows)], axis=0) for rows in NAMED.values()])
+    scores = np.array(
+        [(np.min if name in _TRADES else np.mean)(part[list(k)], axis=0) for name, k in NAMED.items()]
+    )
     for name, mode in zip(NAMED, linear_sum_assignment(-scores)[1], strict=True):
         names[mode] = name
     return names

@@ -131,7 +131,7 @@ def wing_model(
     ValueError
         For symbols in the wing that are no parameters, parameters that stand nowhere, a gust that
         is no `GustEntry` (its course is p["gust"] of a simulation), a density of zero with lag
-        states, lag functions that the aerodynamic stations do not resolve, and unknown outputs.
+        states, a lifting line or a gust, lag functions that the aerodynamic stations do not resolve, and unknown outputs.
     """
     instance("wing", wing, Wing)
     strips = wing.strips
@@ -142,8 +142,11 @@ def wing_model(
     optional("induced_flow", induced_flow, LiftingLine)
     optional("gust", gust, GustEntry)
     scalar("gravity", gravity)
-    if positive("density", density, zero=True) == 0 and lag is not None:
-        raise ValueError("density: expected a number above zero with lag states, found 0")
+    acting = {"lag": lag, "induced_flow": induced_flow, "gust": gust}
+    if positive("density", density, zero=True) == 0:
+        for key, value in acting.items():
+            if value is not None:
+                raise ValueError(f"density: expected a number above zero with {key}, found 0")
     wanted = [choice("outputs", key, OUTPUTS) for key in sequence("outputs", outputs)]
     places = [station("stations", xi) for xi in sequence("stations", stations)]
     beam, n = wing.beam, wing.beam.basis.n

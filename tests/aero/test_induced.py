@@ -172,6 +172,9 @@ def test_stations_and_panels_exchange_what_is_smooth():
     ("fields", "message"),
     [
         ({"panels": 0}, "LiftingLine.panels"),
+        ({"panels": 40}, "LiftingLine.panels: expected at most 24"),
+        ({"frozen": "yes"}, "LiftingLine.frozen: expected a bool"),
+        ({"image": 0}, "LiftingLine.image: expected a bool"),
         ({"plane": [0, 2, 0]}, "LiftingLine.plane"),
         ({"plane": [0, 1]}, "LiftingLine.plane"),
     ],

@@ -201,6 +201,21 @@ def test_a_rolling_wing_with_its_own_image_is_damped_a_little_too_much():
 
 
 @pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"velocity": [-24, 0, 0]}, "LiftingLine.velocity: expected one toward the leading edge"),
+        ({"velocity": [0, 0, 24]}, "LiftingLine.velocity: expected one toward the leading edge"),
+        ({"shape": np.full(12, 9.0)}, "LiftingLine.shape: expected every element to turn at most"),
+    ],
+)
+def test_shape_and_stream_of_a_frozen_line_must_make_sense(right, fields, message):
+    line = cc.LiftingLine(panels=3, frozen=True, **fields)
+    load = cc.AerodynamicLoad(strips=STRIPS, flow=cc.Flow(density=1), induced_flow=line)
+    with pytest.raises(ValueError, match=message):
+        root_wrench(right, np.zeros(12), [load])
+
+
+@pytest.mark.parametrize(
     ("make", "message"),
     [
         (

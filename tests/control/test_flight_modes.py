@@ -206,6 +206,18 @@ def test_modes_have_their_names(model, modes):
     assert "dutch roll" in str(modes)
 
 
+def test_induced_flow_does_not_change_which_mode_is_the_short_period(hale):
+    """An aperiodic bending of the wings pitches more, with less heave."""
+    found = []
+    for line in (None, cc.LiftingLine(panels=6)):
+        trim = cc.trim(hale, speed=SPEED, density=DENSITY, induced_flow=line)
+        model = cc.aircraft_model(hale, density=DENSITY, induced_flow=line, outputs=())
+        found.append(cc.flight_modes(model, trim))
+    for name in ("phugoid", "short period", "dutch roll"):
+        alone, induced = (modes[name].eigenvalue for modes in found)
+        assert_allclose(induced, alone, rtol=0.2)
+
+
 def test_a_mode_is_an_eigenvector_of_the_linear_model(model, start, modes):
     matrix = cc.linearize(model, start.x, start.u).A
     rows = model.x.errors.slices

@@ -321,6 +321,8 @@ GUST = cc.OneMinusCosine(amplitude=1.0, duration=1.0)
     [
         ({"density": 0.0}, "density"),
         ({"density": -1.0}, "density"),
+        ({"density": 0.0, "lag": None, "induced_flow": cc.LiftingLine()}, "zero with induced_flow"),
+        ({"density": 0.0, "lag": None, "gust": cc.GustEntry()}, "zero with gust"),
         ({"lag": cc.IndicialLag(poles=2, modes=9)}, "IndicialLag.modes"),
         ({"induced_flow": 4}, "induced_flow: expected a LiftingLine, found 4"),
         ({"damping": -1.0}, "damping"),

@@ -53,7 +53,8 @@ class LiftingLine:
         the wings of an aircraft by name, as those of a `TrimResult`. None for the unbent wing.
     velocity : array, shape (3,), or None
         Velocity of the parent through the air, m/s, parent axes, which leaves the wake of a frozen
-        line behind, toward the leading edge of the root; None for the parent axis nearest to the chord at the root.
+        line behind, toward the leading edge of the root; None for the parent axis nearest to the
+        chord at the root.
     """
 
     panels: int = 6

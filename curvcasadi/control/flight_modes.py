@@ -238,7 +238,10 @@ def _names(part: Array, lag: int) -> list[str]:
     shares = [np.sum(part[a:b], axis=0) for a, b in pairwise(ends)]
     names = [("body", "wings", "air")[k] for k in np.argmax(shares, axis=0)]
     scores = np.array(
-        [(np.min if name in _TRADES else np.mean)(part[list(k)], axis=0) for name, k in NAMED.items()]
+        [
+            (np.min if name in _TRADES else np.mean)(part[list(k)], axis=0)
+            for name, k in NAMED.items()
+        ]
     )
     for name, mode in zip(NAMED, linear_sum_assignment(-scores)[1], strict=True):
         names[mode] = name

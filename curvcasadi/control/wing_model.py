@@ -131,7 +131,8 @@ def wing_model(
     ValueError
         For symbols in the wing that are no parameters, parameters that stand nowhere, a gust that
         is no `GustEntry` (its course is p["gust"] of a simulation), a density of zero with lag
-        states, a lifting line or a gust, lag functions that the aerodynamic stations do not resolve, and unknown outputs.
+        states, a lifting line or a gust, lag functions that the aerodynamic stations do not
+        resolve, and unknown outputs.
     """
     instance("wing", wing, Wing)
     strips = wing.strips

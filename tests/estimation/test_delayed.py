@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import curvcasadi as cc
+from curvcasadi.reference_wings import hale_wing
 
 DT = 0.01
 
@@ -137,3 +138,18 @@ def test_none_after_the_first_samples_means_that_all_are_lost(shaft, delay):
             values = rows[k - delay][2] if k >= delay else None
             late.take(lost if k in (9, 10, 20) else values, u)
     np.testing.assert_array_equal(filters[0].present(), filters[1].present())
+
+
+def test_a_filter_on_a_model_without_inputs_takes_none():
+    """A lane is `run_ekf`; steps beyond the stability of Runge-Kutta's method are refused."""
+    beam = hale_wing(1, 2, 1, grid=cc.Grid.lobatto(3))
+    gauges = [cc.StrainGauge(xi=0.1, offset=[0, 0.05], noise=1e-5)]
+    ekf = cc.shape_ekf(beam, gauges, process=cc.beam_model(beam), density=0.1)
+    start = ekf.initial({"q": 0.01, "q_dot": 0.1})
+    late = cc.DelayedFilter(ekf, start, dt=DT, lanes=2, compiled=False)
+    for value in (1e-5, -2e-5):
+        late.take([[value], [0.0]], np.zeros((2, 0)))
+    *_, last = cc.run_ekf(ekf, start, [(DT, [1e-5]), (2 * DT, [-2e-5])])
+    np.testing.assert_allclose(late.present()[0], np.ravel(last.state), rtol=1e-9, atol=1e-15)
+    with pytest.raises(ValueError, match="dt: steps of 10 s of Runge"):
+        cc.DelayedFilter(ekf, start, dt=10.0, compiled=False)

@@ -715,3 +715,13 @@ def test_the_time_goes_on_over_the_stages():
     mpc.reset()
     assert_allclose(mpc.step([1.0], preview={"time": middles}).plan, found, rtol=0)
     assert np.ptp(np.sin(5 * middles)) > 0.1
+
+
+def test_a_later_change_of_what_was_given_changes_no_copy():
+    weights = np.array([3.0, 0.5])
+    outputs, bounds = {"load": weights}, {"force": [-1.0, 1.0]}
+    mpc = cc.Mpc(MASS, dt=DT, horizon=3, outputs=outputs, inputs={"force": 1e-3}, bounds=bounds)
+    expected = mpc.step([0.1, 0.0]).plan
+    weights[:], outputs["none"], bounds["force"][1] = 0.0, 1.0, -0.9
+    assert_allclose(mpc.copy().step([0.1, 0.0]).plan, expected, rtol=1e-12)
+    assert_allclose(mpc.copy(max_iter=9).step([0.1, 0.0]).plan, expected, rtol=1e-12)

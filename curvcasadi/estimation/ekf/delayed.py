@@ -42,7 +42,7 @@ class DelayedFilter:
     Raises
     ------
     ValueError
-        If an argument is not of that kind.
+        If an argument is not of that kind, or `dt` is beyond the stability of the filter's steps.
     """
 
     def __init__(
@@ -58,11 +58,14 @@ class DelayedFilter:
     ) -> None:
         instance("ekf", ekf, ShapeEkf)
         instance("start", start, Estimate)
-        if not ekf.inputs:
+        if ekf.dynamics is None:
             raise ValueError(
                 "ekf: expected a filter on a control model, shape_ekf(..., process=model)"
             )
-        self._dt, lanes = positive("dt", dt), count("lanes", lanes)
+        self._dt, lanes = float(positive("dt", dt)), count("lanes", lanes)
+        if wrong := ekf.dynamics.unstable_at_rest(self._dt):
+            raise ValueError(f"dt: {wrong}")
+        self._nu = ekf.inputs["u"].size if "u" in ekf.inputs else 0
         known = ekf.inputs["p"].size if "p" in ekf.inputs else 0
         try:
             self._p = np.broadcast_to(numbers("p", p), (lanes, known)).T
@@ -97,7 +100,7 @@ class DelayedFilter:
             then.
         """
         lanes, rows = self._state.shape[1], self._update.size1_in("measured")
-        applied = _shaped("u", numbers("u", u), (lanes, self._predict.size1_in("u")))
+        applied = _shaped("u", numbers("u", u), (lanes, self._nu))
         if samples is None:
             measured = np.full((lanes, rows), np.nan)
         else:
@@ -124,7 +127,7 @@ class DelayedFilter:
         return np.array(state).T
 
     def _inputs(self, u: Array) -> list[Array]:
-        return [u.T, self._p] if self._p.size else [u.T]
+        return [values for values in (u.T, self._p) if values.size]
 
 
 def _shaped(name: str, values: Array, shape: tuple[int, int]) -> Array:

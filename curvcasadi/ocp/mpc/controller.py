@@ -25,6 +25,7 @@ from curvcasadi.symbolic.expressions import (
     Array,
     Number,
     choice,
+    copied,
     count,
     function_name,
     instance,
@@ -157,7 +158,7 @@ class Mpc:
         compiled: bool | None = None,
         name: str = "mpc",
     ) -> None:
-        self._arguments = {key: value for key, value in locals().items() if key != "self"}
+        self._arguments = copied({key: value for key, value in locals().items() if key != "self"})
         function_name("name", name)
         self.model: ControlModel = instance("model", model, ControlModel)
         if not model.u.size:

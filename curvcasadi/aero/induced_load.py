@@ -212,7 +212,11 @@ def _nearest_axis(beam: Beam, column: int, purpose: str) -> ca.DM:
     """The parent axis, with its sign, nearest to a local axis of the root."""
     axis = beam.root.rotation[:, column]
     if not is_numeric(axis):
-        raise ValueError(f"Beam.root: expected numbers for {purpose}, found the symbol {axis}")
+        names = ", ".join(sorted(symbol.name() for symbol in ca.symvar(axis)))
+        raise ValueError(
+            f"Beam.root: expected numbers for {purpose}, found an expression of {names}; give the "
+            "field of the LiftingLine"
+        )
     values = ca.DM(axis).full().ravel()
     nearest = int(np.argmax(np.abs(values)))
     if abs(values[nearest]) < _CLEAR:

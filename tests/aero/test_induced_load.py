@@ -203,6 +203,21 @@ def test_a_rolling_wing_with_its_own_image_is_damped_a_little_too_much():
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
+        ({}, "LiftingLine.plane is None, found an expression of sweep; give the field"),
+        ({"plane": [0, 1, 0], "frozen": True}, "LiftingLine.velocity is None, .* of sweep; give"),
+    ],
+)
+def test_symbols_of_the_root_need_plane_and_stream(right, fields, message):
+    swept = replace(right, root=cc.wing_root(sweep=ca.MX.sym("sweep")))
+    line = cc.LiftingLine(panels=3, **fields)
+    load = cc.AerodynamicLoad(strips=STRIPS, flow=cc.Flow(density=1), induced_flow=line)
+    with pytest.raises(ValueError, match=message):
+        root_wrench(swept, np.zeros(12), [load])
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
         ({"velocity": [-24, 0, 0]}, "LiftingLine.velocity: expected one toward the leading edge"),
         ({"velocity": [0, 0, 24]}, "LiftingLine.velocity: expected one toward the leading edge"),
         ({"shape": np.full(12, 9.0)}, "LiftingLine.shape: expected every element to turn at most"),

@@ -90,7 +90,7 @@ def followed(key: LineKey) -> ca.Function:
 def followed_slopes(key: LineKey) -> ca.Function:
     """(motions, data) -> derivatives of `followed`, as those of `Coupling.slopes`."""
     line = _line(key)
-    return _slopes(key, line, line.motions, line.data, _values(key, line))
+    return _slopes(line, line.motions, line.data, _values(key, line))
 
 
 @lru_cache(maxsize=32)
@@ -111,7 +111,7 @@ def wash(key: LineKey, points: int) -> ca.Function:
 def wash_slopes(key: LineKey, points: int) -> ca.Function:
     """(motions, (data, points)) -> derivatives of `wash`, as those of `Coupling.slopes`."""
     line, data, velocities = _washed(key, points)
-    return _slopes(key, line, line.motions, data, ca.vec(velocities))
+    return _slopes(line, line.motions, data, ca.vec(velocities))
 
 
 @lru_cache(maxsize=32)
@@ -239,7 +239,7 @@ def _solved(line: _Line, *values: ca.SX) -> Any:
     return results[0] if len(results) == 1 else results
 
 
-def _slopes(key: LineKey, line: _Line, motions: ca.SX, data: ca.SX, values: ca.SX) -> ca.Function:
+def _slopes(line: _Line, motions: ca.SX, data: ca.SX, values: ca.SX) -> ca.Function:
     """Derivatives of values (…, 1) of r by the motions and the data."""
     fitted = ca.jacobian(line.left, line.u)
     through = induced.unpivoted_solve(line.reduced.T, ca.jacobian(values, line.r).T).T

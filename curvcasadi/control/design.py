@@ -27,7 +27,7 @@ import numpy as np
 
 from curvcasadi.control.flutter import Flutter
 from curvcasadi.control.linearize import LinearModel, linearize
-from curvcasadi.control.model import ControlModel, SecondOrder
+from curvcasadi.control.model import ControlModel, SecondOrder, symbols_of
 from curvcasadi.control.roots import GROWTH
 from curvcasadi.symbolic.expressions import Array, choice, instance, sequence
 from curvcasadi.symbolic.layout import Layout
@@ -170,10 +170,16 @@ def flutter_derivatives(found: Flutter, names: Sequence[str]) -> dict[str, Array
     return parts_of(found.model.p, names, -growth[1:] / growth[0])
 
 
-def _at(found: Flutter, x: Array, speed: float, names: Sequence[str]) -> DesignDerivatives:
+def beside_airspeed(names: Sequence[str]) -> tuple[str, ...]:
+    """`names` of design parameters, none of which is the airspeed that they change."""
     names = sequence("names", names)
     if "airspeed" in names:
         raise ValueError("names: expected parameters other than airspeed, found it")
+    return names
+
+
+def _at(found: Flutter, x: Array, speed: float, names: Sequence[str]) -> DesignDerivatives:
+    names = beside_airspeed(names)
     p = found.p.copy()
     p[found.model.p.slices["airspeed"]] = speed
     return design_derivatives(linearize(found.model, x, found.u, p), ["airspeed", *names])
@@ -233,7 +239,7 @@ _MADE: WeakKeyDictionary[ControlModel, _Functions] = WeakKeyDictionary()
 
 def _functions(model: ControlModel, motion: SecondOrder) -> _Functions:
     if model not in _MADE:
-        equations, output = _slopes_function(model, motion), _output_function(model)
+        equations, output = _slopes_function(motion), _output_function(model)
         _MADE[model] = _Functions(equations, output, equations.forward(1), output.forward(1))
     return _MADE[model]
 
@@ -287,24 +293,19 @@ class SteadySlopes:
         return {key: found[f"fwd_by_{key}"].full() for key in ("x", "a", "u", "p")}
 
 
-def _slopes_function(model: ControlModel, motion: SecondOrder) -> ca.Function:
+def _slopes_function(motion: SecondOrder) -> ca.Function:
     """x, a, u, p -> the equations r, and their slopes by each."""
-    symbols = [
-        ca.MX.sym(key, motion.balance.size1_in(i)) for i, key in enumerate(("x", "a", "u", "p"))
-    ]
+    names = ["x", "a", "u", "p"]
+    symbols = [ca.MX.sym(name, motion.balance.size1_in(i)) for i, name in enumerate(names)]
     rest = ca.vertcat(*motion.balance(*symbols))
     slopes = [ca.densify(ca.jacobian(rest, symbol)) for symbol in symbols]
-    names = ["x", "a", "u", "p"]
     outputs = ["rest", *(f"by_{name}" for name in names)]
     return ca.Function("equations", symbols, [rest, *slopes], names, outputs)
 
 
 def _output_function(model: ControlModel) -> ca.Function:
     """x, u, p -> C, D, D_p."""
-    symbols = [
-        ca.MX.sym(key, layout.size)
-        for key, layout in (("x", model.x), ("u", model.u), ("p", model.p))
-    ]
+    symbols = symbols_of(model)
     outputs = model.output(*symbols)
     slopes = [ca.densify(ca.jacobian(outputs, symbol)) for symbol in symbols]
     return ca.Function("outputs", symbols, slopes, ["x", "u", "p"], ["C", "D", "D_p"])

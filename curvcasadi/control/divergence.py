@@ -20,9 +20,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from curvcasadi.control.design import SteadySlopes, columns_of, motion_of, parts_of
+from curvcasadi.control.design import (
+    SteadySlopes,
+    beside_airspeed,
+    columns_of,
+    motion_of,
+    parts_of,
+)
 from curvcasadi.control.flutter import Flutter
-from curvcasadi.symbolic.expressions import Array, instance, sequence
+from curvcasadi.symbolic.expressions import Array, instance
 
 #: Part of a change that no state balances, relative to the change, which is more than rounding.
 UNBALANCED = 1e-6
@@ -53,9 +59,7 @@ def divergence_derivatives(found: Flutter, names: Sequence[str]) -> dict[str, Ar
     instance("found", found, Flutter)
     if found.divergence_speed is None or found.divergence_equilibrium is None:
         raise ValueError("found: expected a sweep with a divergence speed, found none")
-    model, names = found.model, sequence("names", names)
-    if "airspeed" in names:
-        raise ValueError("names: expected parameters other than airspeed, found it")
+    model, names = found.model, beside_airspeed(names)
     columns, labels = columns_of(model.p, ["airspeed", *names])
     p = found.p.copy()
     p[model.p.slices["airspeed"]] = found.divergence_speed

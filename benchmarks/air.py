@@ -109,7 +109,7 @@ def _flutter() -> Iterator[Check]:
     ) -> cc.Flutter:
         lag = cc.IndicialLag(poles=poles, modes=modes)
         model = cc.wing_model(wing, density=density, gravity=0.0, lag=lag, outputs=())
-        return cc.flutter(model, speeds)
+        return cc.flutter(model, speeds, p={"pitch": 0.0})
 
     def hale_sweep(poles: int, modes: int | None = 3) -> cc.Flutter:
         return sweep(hale(), 0.0889, [25.0, 30.0, 35.0, 38.5], poles, modes)

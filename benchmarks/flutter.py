@@ -77,7 +77,7 @@ def by_load(load: float) -> cc.Flutter:
     force = cc.PointForce(1.0, [0, 0, -load], frame="dead")
     wing = replace(BENT, beam=beam, loads=(force,))
     model = cc.wing_model(wing, density=0.0889, gravity=0.0, outputs=())
-    return cc.flutter(model, np.arange(15, 36, 2.0))
+    return cc.flutter(model, np.arange(15, 36, 2.0), p={"pitch": 0.0})
 
 
 @cache
@@ -165,7 +165,7 @@ def _pazy() -> Iterator[Check]:
         ends = [last_growth(sweep) for sweep in found] / onsets("offset")[1] - 1
         yield _worst(f"D15 offset, 1° to 7°, {name} suction", ends, end)
     yield _linearizations("D15", found)
-    flat = cc.flutter(pazy_model(False, 1.0), [75.0, 80.0, 85.0])
+    flat = cc.flutter(pazy_model(False, 1.0), [75.0, 80.0, 85.0], p={"pitch": 0.0})
     rows = case("D15")["reference"]["undeformed_without_tip_mass"]
     speed, hertz = rows["2D strip flutter"][0]
     values = [flat.speed, flat.frequency, flat.divergence_speed]

@@ -63,7 +63,7 @@ def main(out: Path = Path("out")) -> list[cc.Flutter]:
             f"{result.frequency:.2f} rad/s with the tip at {tips[-1]:.2f} m"
         )
     weightless = cc.wing_model(wing(), density=DENSITY, gravity=0.0, outputs=())
-    straight = cc.flutter(weightless, np.arange(15.0, 41.0))
+    straight = cc.flutter(weightless, np.arange(15.0, 41.0), p={"pitch": 0.0})
     print(straight)
 
     out.mkdir(exist_ok=True)

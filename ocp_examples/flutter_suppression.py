@@ -81,7 +81,7 @@ def make(name, weights, elements, poles, modes, factors=None):
 
 
 def equilibrium(model, speed, **factors):
-    return cc.flutter(model, [16.0, 20.0, 24.0, speed], p=factors).equilibria[-1]
+    return cc.flutter(model, [16.0, 20.0, 24.0, speed], p={"pitch": 0.0, **factors}).equilibria[-1]
 
 
 class Plant:
@@ -97,7 +97,8 @@ class Plant:
         self.misjudged = MISJUDGED * draws[:, 3]
         columns = 1 + draws[:, :3] * [*VARIED.values()]
         self.factors = [dict(zip(VARIED, row, strict=True)) for row in columns]
-        flutter = [cc.flutter(self.model, SPEEDS, p=each).speed for each in self.factors]
+        level = [{"pitch": 0.0, **each} for each in self.factors]
+        flutter = [cc.flutter(self.model, SPEEDS, p=each).speed for each in level]
         self.flutter, self.speeds = np.array(flutter), above * np.array(flutter)
         self.p = np.column_stack([self.speeds, 0 * self.speeds, columns])
         wings = zip(self.speeds, self.factors, strict=True)

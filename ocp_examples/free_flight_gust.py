@@ -46,7 +46,7 @@ def stiffened(aircraft: cc.Aircraft, factor: float) -> cc.Aircraft:
 def fly(aircraft: cc.Aircraft) -> cc.Simulation:
     trim = cc.trim(aircraft, speed=SPEED, density=DENSITY)
     model = cc.aircraft_model(aircraft, density=DENSITY, gust=cc.GustField(gust), outputs=OUTPUTS)
-    x, u = cc.trimmed_state(model, trim)
+    x, u = cc.trimmed_state(model, trim, {"time": TIMES[0]})
     return cc.simulate(model, x, TIMES, u=u, method="implicit_midpoint", dt=STEP)
 
 

@@ -94,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
         aircraft, speed=arguments.speed, density=density, gravity=arguments.gravity, throw=True
     )
     model = aircraft_model(aircraft, density=density, gravity=arguments.gravity, gust=gust)
-    x, u = trimmed_state(model, start)
+    x, u = trimmed_state(model, start, {"time": 0.0} if gust else None)
     if arguments.duration > MOST_SAMPLES * arguments.interval:
         raise ValueError(
             f"--duration: expected at most {MOST_SAMPLES} intervals of {arguments.interval:g} s, "

@@ -199,7 +199,7 @@ def attitude_feedback(
     x : array, shape (nx,), or mapping of str to array
         Equilibrium.
     u, p : array or mapping, optional
-        Inputs and parameters there; zero unless given.
+        Inputs and parameters there, as of `linearize`.
     time_constant : float
         τ, s, of the closed loop.
     xi : float
@@ -220,7 +220,8 @@ def attitude_feedback(
     Raises
     ------
     ValueError
-        If no input turns the station, u is not within the bounds, or the loop is not stable.
+        If parameters are missing, no input turns the station, u is not within the bounds, or the
+        loop is not stable.
     """
     tau, xi = positive("time_constant", time_constant), station("xi", xi)
     instance("beam", beam, Beam)

@@ -185,7 +185,7 @@ def flight_modes(
     trim : TrimResult
         A trim of the same aircraft in the same air, straight or turning.
     p : array or mapping of str to number, optional
-        Parameters of the model, zero unless given.
+        Parameters of the model, as of `trimmed_state`.
 
     Returns
     -------

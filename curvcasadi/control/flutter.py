@@ -27,7 +27,7 @@ from curvcasadi.control.roots import (
     scaled,
     summits,
 )
-from curvcasadi.control.signals import held_within_bounds, increasing
+from curvcasadi.control.signals import held_within_bounds, increasing, with_nominal
 from curvcasadi.control.steady import Slopes, SteadyStates
 from curvcasadi.symbolic.expressions import Array, Number, instance
 from curvcasadi.symbolic.text import described
@@ -137,7 +137,8 @@ def flutter(
     u : array or mapping, optional
         Inputs, which are held; zero unless given.
     p : mapping of str to number, optional
-        The other parameters by name, pitch, say; zero unless given.
+        The other parameters by name: pitch, say. Those that the model has a nominal value of, such
+        as a gust, may be left out.
 
     Returns
     -------
@@ -150,8 +151,8 @@ def flutter(
     Raises
     ------
     ValueError
-        If the model has no airspeed or no inertia, an argument has a wrong size, the first speed
-        has no equilibrium, or the wing is unstable there.
+        If the model has no airspeed or no inertia, an argument has a wrong size, parameters are
+        missing, the first speed has no equilibrium, or the wing is unstable there.
     """
     instance("model", model, ControlModel)
     if model.second_order is None or "airspeed" not in model.p.slices:
@@ -166,7 +167,7 @@ def flutter(
     if "airspeed" in others:
         raise ValueError("p: expected parameters other than airspeed, which speeds sets")
     held = held_within_bounds("u", model.u, u)
-    at = held_within_bounds("p", model.p, others)
+    at = held_within_bounds("p", model.p, with_nominal("p", model.p, others, ["airspeed"]))
     sweep = _Sweep(SteadyStates(model, model.second_order), held, at)
     points = [_first(sweep, float(grid[0]))]
     message = "an equilibrium at every speed"

@@ -11,7 +11,7 @@ import numpy as np
 from curvcasadi.control.design import flutter_derivatives
 from curvcasadi.control.flutter import Flutter, flutter
 from curvcasadi.control.model import ControlModel
-from curvcasadi.control.signals import increasing
+from curvcasadi.control.signals import held_within_bounds, increasing, stacked, with_nominal
 from curvcasadi.symbolic.expressions import Array, Number, choice, function_name, instance, sequence
 
 
@@ -40,7 +40,7 @@ def flutter_speed_function(
     speeds, u : optional
         As of `flutter`.
     p : mapping of str to number, optional
-        The other parameters by name.
+        The other parameters by name, as of `flutter`.
     name : str
         Name of the Function.
 
@@ -54,6 +54,8 @@ def flutter_speed_function(
     chosen = [choice("names", key, known) for key in sequence("names", names)]
     sizes = [model.p.slices[key].stop - model.p.slices[key].start for key in chosen]
     grid, others = increasing("speeds", speeds, "airspeeds, m/s"), dict(p or {})
+    held_within_bounds("u", model.u, u)
+    stacked("p", model.p, with_nominal("p", model.p, others, ["airspeed", *chosen]))
 
     def sweep(design: Array) -> Flutter | None:
         parts = np.split(design, np.cumsum(sizes)[:-1])

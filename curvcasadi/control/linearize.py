@@ -13,7 +13,7 @@ import numpy as np
 
 from curvcasadi.control.error_state import add, in_error_state
 from curvcasadi.control.model import ControlModel, symbols_of
-from curvcasadi.control.signals import held_within_bounds, stacked
+from curvcasadi.control.signals import held_within_bounds, stacked, with_nominal
 from curvcasadi.lie import so3
 from curvcasadi.symbolic.expressions import Array, Number, instance
 from curvcasadi.symbolic.layout import Layout
@@ -132,7 +132,8 @@ def linearize(
         State; of a mapping, parts that it leaves out are zero, attitudes level. It need not be an
         equilibrium: A is then the derivative along the motion.
     u, p : array or mapping, optional
-        Inputs and parameters; zero unless given.
+        Inputs, zero unless given, and parameters; those without a nominal value, such as the
+        airspeed, have to be given.
 
     Returns
     -------
@@ -142,14 +143,14 @@ def linearize(
     Raises
     ------
     ValueError
-        If an argument has a wrong size, or an input or parameter leaves its bounds (an angle
-        without any: ±π/2).
+        If an argument has a wrong size, parameters are missing, or an input or parameter leaves its
+        bounds (an angle without any: ±π/2).
     """
     instance("model", model, ControlModel)
     at = [
         stacked("x", model.x, x),
         held_within_bounds("u", model.u, u),
-        held_within_bounds("p", model.p, p),
+        held_within_bounds("p", model.p, with_nominal("p", model.p, p)),
     ]
     blocks = [block.full() for block in _derivatives(model)(*at)]
     a, b, b_p, c, d, d_p = blocks

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -12,7 +12,8 @@ from curvcasadi.symbolic.expressions import Array, Number, numbers
 from curvcasadi.symbolic.layout import Layout, Part
 
 #: An input or parameter over time: numbers (n,) that are held, columns (n, T) of which each is held
-#: from its time to the next, values by part, or a function of the time, s. None is zero.
+#: from its time to the next, values by part, or a function of the time, s. None is zero of inputs,
+#: the nominal value of parameters.
 Signal: TypeAlias = Number | Mapping[str, Number] | Callable[[float], Number] | None
 #: What a quaternion's length may differ from 1 before it is refused; it is normalized then.
 LENGTH_TOLERANCE = 1e-6
@@ -72,6 +73,34 @@ def two_sides(name: str, pair: Any, size: int) -> tuple[Array, Array]:
     if np.any(lower == np.inf) or np.any(upper == -np.inf):
         raise ValueError(f"{name}: expected bounds that a number can meet, found {pair!r}")
     return lower, upper
+
+
+def with_nominal(name: str, layout: Layout, value: Any, elsewhere: Container[str] = ()) -> Any:
+    """Parameters by name with the nominal values of those that are not given.
+
+    Anything but a mapping or None holds all parameters, and comes back as it is. Those that are
+    `elsewhere` need no value.
+
+    Raises
+    ------
+    ValueError
+        If a part is unknown, or one without a nominal value is not given; all of these are named.
+    """
+    if not (value is None or isinstance(value, Mapping)):
+        return value
+    given = {key: part for key, part in (value or {}).items() if part is not None}
+    _known(name, layout, given)
+    left = [part for part in layout.parts if part.name not in given and part.name not in elsewhere]
+    missing = [part for part in left if part.nominal is None]
+    if missing:
+        names = ", ".join(f"{part.name} ({part.unit})" for part in missing)
+        hint = ", ".join(f"{part.name!r}: …" for part in missing)
+        raise ValueError(
+            f"{name}: expected {names}, which the model has no nominal value of, found none; give "
+            f"{name}={{{hint}}}"
+        )
+    nominal = {part.name: np.broadcast_to(numbers(name, part.nominal), part.size) for part in left}
+    return {**nominal, **given}
 
 
 def increasing(name: str, times: Number, what: str = "times, s") -> Array:

@@ -17,6 +17,7 @@ from curvcasadi.control.signals import (
     increasing,
     over_time,
     stacked,
+    with_nominal,
     with_time,
     within_bounds,
 )
@@ -119,8 +120,9 @@ def simulate(
     u, p : array, mapping, function of time, optional
         Inputs and parameters: numbers (n,) that are held, columns (n, T) held from each time to the
         next one, a mapping from part names to such, or a function of the time, s, which is taken at
-        the middle of each step. Zero unless given; a parameter "time", as that of a model in a
-        gust, is the time unless given.
+        the middle of each step. Inputs that are not given are zero, parameters have their nominal
+        values where the model has them, as gusts; a parameter "time", as that of a model in a gust,
+        is the time.
     method : {"rk4", "implicit_midpoint", "variational", "cvodes"}
         See `step_function`. "variational" is the variational midpoint rule in momenta, for free
         flight: it keeps momentum to rounding where no loads act. "cvodes" is CasADi's multistep
@@ -144,10 +146,10 @@ def simulate(
     Raises
     ------
     ValueError
-        If an argument has a wrong size, an input or parameter leaves its bounds (an angle without
-        any: ±π/2), a quaternion has no unit length, times do not increase, or an element turns by
-        more than `Grid.max_angle` at the start. A motion that turns it so far later warns, and so
-        does a step of "rk4" that is unstable.
+        If an argument has a wrong size, parameters without a nominal value are missing, an input or
+        parameter leaves its bounds (an angle without any: ±π/2), a quaternion has no unit length,
+        times do not increase, or an element turns by more than `Grid.max_angle` at the start. A
+        motion that turns it so far later warns, and so does a step of "rk4" that is unstable.
     ConvergenceError
         If a step does not converge or is not finite; it names time and remedy, and `.result`
         is the simulation up to there.
@@ -158,9 +160,10 @@ def simulate(
     choice("method", method, get_args(SimulationMethod))
     start, grid = stacked("x0", model.x, x0), increasing("times", times)
     longest = positive("dt", dt) if dt is not None else np.inf
+    parameters = with_nominal("p", model.p, with_time(model.p, p))
     inputs = (
         within_bounds("u", model.u, over_time("u", model.u, u, grid)),
-        within_bounds("p", model.p, over_time("p", model.p, with_time(model.p, p), grid)),
+        within_bounds("p", model.p, over_time("p", model.p, parameters, grid)),
     )
     check_bending(model, start)
     held = all(signal.held for signal in inputs)

@@ -12,7 +12,7 @@ import numpy as np
 from curvcasadi.aircraft.trim_problem import MOTION, flight_direction
 from curvcasadi.aircraft.trim_result import TrimResult
 from curvcasadi.control.model import ControlModel, SecondOrder
-from curvcasadi.control.signals import stacked
+from curvcasadi.control.signals import stacked, with_nominal
 from curvcasadi.errors import ConvergenceError
 from curvcasadi.lie import quaternion
 from curvcasadi.symbolic.expressions import Array, Number, instance
@@ -62,7 +62,8 @@ def trimmed_state(
     trim : TrimResult
         Of this aircraft.
     p : array or mapping of str to number, optional
-        Parameters of the model, zero unless given: a gust is met as if it were steady.
+        Parameters of the model; of a gust, zero unless given, as if it were steady. A model in a
+        gust that is a function of "time" needs it, s.
 
     Returns
     -------
@@ -72,7 +73,7 @@ def trimmed_state(
     Raises
     ------
     ValueError
-        If the trim is not one, or that of another aircraft.
+        If the trim is not one, or that of another aircraft, or parameters are missing.
     ConvergenceError
         If the model has no such equilibrium near the trim, or one beyond bounds, all of which are
         named; its `result` is the state that came nearest.
@@ -81,8 +82,9 @@ def trimmed_state(
     motion = _motion(model, trim)
     if not trim.trimmed:
         raise ValueError(f"trim: expected a flight in balance, found {trim.message!r}")
+    held = stacked("p", model.p, with_nominal("p", model.p, p))
     unknowns = _Unknowns(model, trim)
-    z, held = ca.MX.sym("z", unknowns.size), ca.DM(stacked("p", model.p, p))
+    z = ca.MX.sym("z", unknowns.size)
     x, u, path = unknowns.state(z)
     left = ca.vertcat(*motion.balance(x, ca.DM.zeros(motion.velocities), u, held), *path)
     rest = ca.Function("rest", [z], [left])

@@ -10,6 +10,7 @@ import numpy as np
 
 from curvcasadi.aircraft.parts import Aircraft
 from curvcasadi.beam.beam import Beam
+from curvcasadi.control.signals import with_nominal
 from curvcasadi.estimation import ud
 from curvcasadi.estimation.samples import numeric_array
 from curvcasadi.estimation.sensor_model import covariance_matrix
@@ -41,6 +42,7 @@ def initial_belief(
     error: Layout,
     deviation: Mapping[str, Number],
     mean: Mapping[str, Number] | None,
+    parameters: Layout | None = None,
 ) -> tuple[Array, Array]:
     """Mean (x,) of the state and factor (N, N) of the covariance of its error.
 
@@ -49,16 +51,21 @@ def initial_belief(
     deviation : by name of every part of `error`, what `covariance_matrix` takes
     mean : by name of parts of `state`; zero, and the identity attitude, where not given; of the
         weights within the bounds of the beam
+    parameters : those of a model among `state`, which are nominal, not zero, where not given
 
     Raises
     ------
     ValueError
-        If a part is unknown, has no deviation, has values of another shape, or weights are beyond
-        what `shape_map` takes.
+        If a part is unknown, has no deviation, is a parameter without a mean, has values of another
+        shape, or weights are beyond what `shape_map` takes.
     """
     means = {} if mean is None else mean
     _check_names("mean", means, state)
     _check_names("deviation", deviation, error)
+    if parameters is not None:
+        names = [part.name for part in parameters.parts]
+        given = {name: means[name] for name in names if name in means}
+        means = {**means, **with_nominal("mean", parameters, given)}
     for part in error.parts:
         if part.name not in deviation:
             raise ValueError(f"deviation: expected {part.name!r}, {part.unit}; not found")

@@ -92,11 +92,15 @@ class Dynamics:
     method: Method
 
     @property
+    def parameters(self) -> Layout:
+        """Parameters of the model that are estimated."""
+        return Layout(tuple(part for part in self.model.p.parts if part.name in self.returns))
+
+    @property
     def estimated(self) -> tuple[Part, ...]:
         """What is estimated beside the model's state."""
-        parameters = tuple(part for part in self.model.p.parts if part.name in self.returns)
         units = {"gyro_bias": "rad/s", "accelerometer_bias": "m/s2"}
-        return (*parameters, *(Part(k, n, units[k]) for k, n in self.biases.items()))
+        return (*self.parameters.parts, *(Part(k, n, units[k]) for k, n in self.biases.items()))
 
     @property
     def whole(self) -> Layout:

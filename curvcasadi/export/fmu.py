@@ -16,7 +16,7 @@ import casadi as ca
 
 from curvcasadi.control.implicit_midpoint import TOLERANCE, midpoint_solver
 from curvcasadi.control.model import ControlModel
-from curvcasadi.control.signals import stacked
+from curvcasadi.control.signals import stacked, with_nominal
 from curvcasadi.control.stability import warn_of_unstable_step
 from curvcasadi.control.step import Method, midpoint_rule, rk4
 from curvcasadi.export.casadi_c import generate as generated
@@ -67,7 +67,8 @@ def export_fmu(
     method : {"rk4", "implicit_midpoint"}
         Method of co-simulation; see `step_function`.
     x0, u, p : array or mapping of str to array, optional
-        Start values; zero unless given, attitudes level.
+        Start values: zero unless given, attitudes level, and parameters their nominal values; those
+        without one, such as the airspeed, have to be given.
     inputs : sequence of str
         Parts of p that are inputs of the FMU, such as a gust, which may change at any time; the
         others are tunable parameters.
@@ -83,7 +84,8 @@ def export_fmu(
     Raises
     ------
     ValueError
-        If an argument has a wrong size or name, or the model has a part that is no C.
+        If an argument has a wrong size or name, parameters are missing, or the model has a part
+        that is no C.
     FileNotFoundError
         If there is no such folder, or no such compiler.
     """
@@ -108,7 +110,7 @@ def export_fmu(
     start = {
         "x": stacked("x0", model.x, x0),
         "u": stacked("u", model.u, u),
-        "p": stacked("p", model.p, p),
+        "p": stacked("p", model.p, with_nominal("p", model.p, p)),
     }
     if method == "rk4":
         warn_of_unstable_step("dt", model, longest, [*start.values()])

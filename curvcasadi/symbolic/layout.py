@@ -30,8 +30,8 @@ class Part:
         Whether the part is a unit quaternion, scalar first. Its error state is a rotation vector
         (3, 1) in local axes.
     nominal : float or array, shape (size,), optional
-        Value of a parameter where it is not given, such as that of a gust in calm air; without
-        one a controller asks for it by name.
+        Value of a parameter where it is not given, such as that of a gust in calm air; a parameter
+        without one has to be given.
 
     Raises
     ------

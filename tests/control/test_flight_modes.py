@@ -289,3 +289,10 @@ def test_what_is_no_trim_of_the_model_is_named(model, trimmed):
         cc.trimmed_state(model, replace(trimmed, q=shorter))
     with pytest.raises(KeyError, match="short period"):
         cc.flight_modes(model, trimmed)["short_period"]
+
+
+@pytest.mark.parametrize("call", [cc.trimmed_state, cc.flight_modes])
+def test_the_time_of_a_gust_is_asked_for(model, trimmed, call):
+    gusty = replace(model, p=cc.Layout((cc.Part("time", 1, "s"),)))
+    with pytest.raises(ValueError, match=r"^p: expected time \(s\), which the model has no nominal"):
+        call(gusty, trimmed)

@@ -63,7 +63,7 @@ def straight():
 
 
 def test_a_straight_wing_diverges_where_its_steady_tangent_is_singular(straight):
-    found = cc.flutter(straight, np.arange(20, 45, 5.0))
+    found = cc.flutter(straight, np.arange(20, 45, 5.0), p={"pitch": 0.0})
     flow = cc.Flow(density=0.0889, velocity=[found.divergence_speed, 0, 0])
     air = cc.AerodynamicLoad(strips=hale((2, 2, 0), 3).strips, flow=flow)
     _, tangent = cc.equilibrium_tangent(hale((2, 2, 0), 3).beam, np.zeros(4), [air])
@@ -72,7 +72,7 @@ def test_a_straight_wing_diverges_where_its_steady_tangent_is_singular(straight)
 
 
 def test_without_growth_there_is_no_speed(model):
-    quiet = cc.flutter(model, [10.0, 12.0])
+    quiet = cc.flutter(model, [10.0, 12.0], p={"pitch": 0.0})
     assert quiet.speed is None and quiet.frequency is None and quiet.mode is None
     assert quiet.divergence_speed is None
 
@@ -98,7 +98,7 @@ def test_bad_input_is_named(model, arguments, message):
 
 def test_a_sweep_that_starts_beyond_divergence_is_named(straight):
     with pytest.raises(ValueError, match="found 45 m/s beyond divergence"):
-        cc.flutter(straight, [45.0, 50.0])
+        cc.flutter(straight, [45.0, 50.0], p={"pitch": 0.0})
 
 
 def test_a_model_without_airspeed_is_refused():

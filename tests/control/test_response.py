@@ -102,6 +102,6 @@ def test_bad_input_is_named(call, message, linear):
 
 
 def test_turbulence_of_an_unstable_wing_is_refused(model):
-    unstable = cc.linearize(model, np.zeros(model.x.size), p={"airspeed": 45.0})
+    unstable = cc.linearize(model, np.zeros(model.x.size), p={"airspeed": 45.0, "pitch": 0.0})
     with pytest.raises(ValueError, match="linear: expected a stable model"):
         cc.rms_in_turbulence(unstable, turbulence(speed=45.0))

@@ -71,7 +71,7 @@ def test_the_present_is_exact_where_the_model_is(shaft, delay):
 def test_it_is_run_ekf_to_the_sample_and_predictions_from_there(shaft):
     rows, ekf = history(shaft, 1), shaft[-1]
     start, delay = ekf.initial({"q": 0.1, "q_dot": 1.0}), 2
-    late = cc.DelayedFilter(ekf, start, dt=DT, delay=delay, p=[0.3], compiled=False)
+    late = cc.DelayedFilter(ekf, start, dt=DT, delay=delay, p={"gust": 0.3}, compiled=False)
     for k, (_, u, _) in enumerate(rows):
         late.take(rows[k - delay][2] if k >= delay else None, u)
     samples = [
@@ -95,7 +95,8 @@ def test_mistakes_are_named(shaft):
         (lambda: cc.DelayedFilter(ekf, start, dt=0), "dt: expected a number above zero"),
         (lambda: cc.DelayedFilter(ekf, start, dt=DT, delay=-1, p=[0]), "delay: expected"),
         (lambda: cc.DelayedFilter(ekf, start, dt=DT, p=[1, 2]), r"p: expected shape \(1,\)"),
-        (lambda: cc.DelayedFilter(ekf, start, dt=DT), r"p: expected shape \(1,\)"),
+        (lambda: cc.DelayedFilter(ekf, start, dt=DT), r"p: expected gust \(SI\), which the model"),
+        (lambda: cc.DelayedFilter(ekf, start, dt=DT, p=[]), r"p: expected shape \(1,\)"),
     ):
         with pytest.raises(ValueError, match=words):
             mistake()

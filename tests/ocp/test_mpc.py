@@ -386,6 +386,10 @@ def test_a_loop_with_lost_and_bad_samples_has_a_usable_input_at_each_step():
         ({"dt": 0.0}, "dt: expected a number above zero"),
         ({"solver": "newton"}, "solver: expected one of 'rti', 'sqp', 'ipopt'"),
         ({"qp_solver": "mine"}, "qp_solver: expected one of 'own', 'hpipm'"),
+        (
+            {"solver": "ipopt", "qp_solver": "hpipm"},
+            "qp_solver: expected 'own', the default, with solver='ipopt', .*, found 'hpipm'",
+        ),
         ({"u_trim": np.full(5, 0.5)}, r"u_trim: q_command\[0\], rad/m: expected within -0.1"),
         ({"blocks": 4}, "blocks: expected an Iterable, found 4"),
         ({"scales": {"flap": 1.0}}, "scales: expected names among q_command, found 'flap'"),

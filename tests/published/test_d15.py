@@ -61,7 +61,7 @@ def test_the_hump_mode_grows_between_the_published_speeds(
 
 
 def test_flutter_of_the_straight_wing_in_two_dimensional_flow(case, beam):
-    found = cc.flutter(model(case, beam, varying=False), [75.0, 80.0, 85.0])
+    found = cc.flutter(model(case, beam, varying=False), [75.0, 80.0, 85.0], p={"pitch": 0.0})
     rows = case["reference"]["undeformed_without_tip_mass"]
     # The rows are of the finite element model and of the beam; the modes are those of the first.
     speed, hertz = rows["2D strip flutter"][0]

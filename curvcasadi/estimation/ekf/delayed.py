@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from curvcasadi.control.signals import stacked, with_nominal
 from curvcasadi.estimation.ekf.filter import Estimate, ShapeEkf
 from curvcasadi.estimation.samples import numbers_or_nan
 from curvcasadi.symbolic.compiled import compile_function
-from curvcasadi.symbolic.expressions import Array, count, instance, numbers, positive
+from curvcasadi.symbolic.expressions import Array, Number, count, instance, numbers, positive
+from curvcasadi.symbolic.layout import Layout
 
 
 class DelayedFilter:
@@ -34,8 +37,9 @@ class DelayedFilter:
         Age of the samples that arrive, in intervals.
     lanes : int
         How many wings there are.
-    p : array, shape (np,) or (lanes, np), optional
-        Parameters of the model that are known, such as airspeed and pitch, in their order.
+    p : array, shape (np,) or (lanes, np), or mapping of str to number, optional
+        Parameters of the model that are known, such as airspeed and pitch, in their order or by
+        name. Those that the model has a nominal value of may be left out by name.
     compiled : bool
         Whether the filter becomes native code, which takes a while and pays off in long runs.
 
@@ -53,7 +57,7 @@ class DelayedFilter:
         dt: float,
         delay: int = 0,
         lanes: int = 1,
-        p: ArrayLike = (),
+        p: ArrayLike | Mapping[str, Number] | None = None,
         compiled: bool = True,
     ) -> None:
         instance("ekf", ekf, ShapeEkf)
@@ -66,13 +70,7 @@ class DelayedFilter:
         if wrong := ekf.dynamics.unstable_at_rest(self._dt):
             raise ValueError(f"dt: {wrong}")
         self._nu = ekf.inputs["u"].size if "u" in ekf.inputs else 0
-        known = ekf.inputs["p"].size if "p" in ekf.inputs else 0
-        try:
-            self._p = np.broadcast_to(numbers("p", p), (lanes, known)).T
-        except ValueError:
-            raise ValueError(
-                f"p: expected shape ({known},) or ({lanes}, {known}), found {np.shape(p)}"
-            ) from None
+        self._p = _known(ekf.inputs.get("p", Layout(())), p, lanes).T
         self._predict, self._update = (
             (compile_function(f, derivatives=0) if compiled else f).map(lanes)
             for f in (ekf.predict, ekf.update)
@@ -134,3 +132,15 @@ def _shaped(name: str, values: Array, shape: tuple[int, int]) -> Array:
     if values.shape != shape:
         raise ValueError(f"{name}: expected shape {shape}, found {values.shape}")
     return values
+
+
+def _known(layout: Layout, p: ArrayLike | Mapping[str, Number] | None, lanes: int) -> Array:
+    """Known parameters (lanes, np) of every lane."""
+    given = with_nominal("p", layout, p)
+    by_name = isinstance(given, Mapping)
+    values = stacked("p", layout, given) if by_name else np.atleast_1d(numbers("p", given))
+    if values.shape not in ((layout.size,), (lanes, layout.size)):
+        raise ValueError(
+            f"p: expected shape ({layout.size},) or ({lanes}, {layout.size}), found {values.shape}"
+        )
+    return np.broadcast_to(values, (lanes, layout.size))

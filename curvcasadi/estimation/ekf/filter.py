@@ -136,7 +136,8 @@ class ShapeEkf:
             symmetric, positive definite covariance matrix of the part.
         mean : mapping of str to float or array, optional
             Parts of the state; zero, and the identity attitude, where not given. The attitude is a
-            rotation matrix (3, 3). Weights lie within `Beam.weight_bounds`.
+            rotation matrix (3, 3). Weights lie within `Beam.weight_bounds`. Parameters of a model
+            that are estimated have their nominal values, and have to be given where it has none.
         time : float
             Time, s.
 
@@ -145,7 +146,14 @@ class ShapeEkf:
         Estimate
             Mean and covariance at that time.
         """
-        state, factor = initial_belief(self.beam, self.layout, self.error_layout, deviation, mean)
+        state, factor = initial_belief(
+            self.beam,
+            self.layout,
+            self.error_layout,
+            deviation,
+            mean,
+            self.dynamics.parameters if self.dynamics else None,
+        )
         return Estimate(numeric_array("time", time, (1, 1)).item(), state, factor)
 
     @property

@@ -84,7 +84,8 @@ class ShapeMhe:
             symmetric, positive definite covariance matrix of the part.
         mean : mapping of str to float or array, optional
             Parts of the state, weights within `Beam.weight_bounds`; zero, and the identity
-            attitude, where not given.
+            attitude, where not given. Parameters of a model that are estimated have their nominal
+            values, and have to be given where it has none.
         time : float
             Time of the first sample, s.
 
@@ -93,7 +94,14 @@ class ShapeMhe:
         WindowEstimate
             What `run_mhe` starts from.
         """
-        state, factor = initial_belief(self.beam, self.layout, self.error_layout, deviation, mean)
+        state, factor = initial_belief(
+            self.beam,
+            self.layout,
+            self.error_layout,
+            deviation,
+            mean,
+            self.dynamics.parameters if self.dynamics else None,
+        )
         column = np.zeros(self.node.size)
         if self.dynamics is None:
             column[: state.size] = state

@@ -83,7 +83,7 @@ class Mpc:
         IPOPT on the same problem.
     qp_solver : str
         "own" becomes self-contained C; in Python it is CasADi's DAQP on the same numbers. Or
-        another of CasADi's QP solvers, such as "hpipm", for Python alone.
+        another of CasADi's QP solvers, such as "hpipm", for Python alone; none with IPOPT.
     states : mapping of str to float or array
         Weights of parts of the state.
     terminal : LinearModel, optional
@@ -166,6 +166,11 @@ class Mpc:
         method = arguments.method(model, method)
         choice("solver", solver, _SOLVERS)
         choice("qp_solver", qp_solver, _QP_SOLVERS)
+        if solver == "ipopt" and qp_solver != "own":
+            raise ValueError(
+                "qp_solver: expected 'own', the default, with solver='ipopt', which solves no "
+                f"quadratic programs, found {qp_solver!r}"
+            )
         if not is_numeric(dt):
             raise ValueError(f"dt: expected a number, found the symbol {dt}")
         self.dt, self.horizon = float(positive("dt", dt)), count("horizon", horizon)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from curvcasadi.control.signals import is_clock, stacked
+from curvcasadi.control.signals import is_clock, stacked, with_nominal
 from curvcasadi.ocp.mpc.problem import MpcProblem
 from curvcasadi.ocp.mpc.terms import Penalty
 from curvcasadi.symbolic.expressions import Array, Number, instance, numbers, rotation_matrix
@@ -29,21 +29,7 @@ def parameters(
     """
     for key in instance("preview", preview, Mapping):
         _known("preview", layout.parts, key)
-    given = {} if p is None else p
-    if isinstance(given, Mapping):
-        for key in given:
-            _known("p", layout.parts, key)
-        known = {part.name: part.nominal for part in layout.parts if part.nominal is not None}
-        missing = [part for part in layout.parts if part.name not in {*known, *given, *preview}]
-        if missing:
-            names = ", ".join(f"{part.name} ({part.unit})" for part in missing)
-            raise ValueError(
-                f"p: expected {names}, which the model has no nominal value of, found none; give "
-                f"p={{{missing[0].name!r}: …}}"
-            )
-        sizes = {part.name: part.size for part in layout.parts}
-        nominal = {key: np.broadcast_to(value, sizes[key]) for key, value in known.items()}
-        given = {**nominal, **given}
+    given = with_nominal("p", layout, p, preview)
     values = np.tile(stacked("p", layout, given)[:, None], horizon)
     if is_clock(layout):
         values[layout.slices["time"]] += dt * (np.arange(horizon) + 0.5)

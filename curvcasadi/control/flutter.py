@@ -7,7 +7,7 @@ the steady equations is singular.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from curvcasadi.control.bending import warn_of_bending
-from curvcasadi.control.model import ControlModel
+from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.roots import (
     GROWTH,
     OSCILLATING,
@@ -154,21 +154,9 @@ def flutter(
         If the model has no airspeed or no inertia, an argument has a wrong size, parameters are
         missing, the first speed has no equilibrium, or the wing is unstable there.
     """
-    instance("model", model, ControlModel)
-    if model.second_order is None or "airspeed" not in model.p.slices:
-        raise ValueError(
-            "model: expected a model with inertia and a parameter airspeed, as wing_model makes "
-            f"it; found {model!r}"
-        )
-    grid = increasing("speeds", speeds, "airspeeds, m/s")
-    if grid[0] <= 0:
-        raise ValueError(f"speeds: expected airspeeds above zero, m/s, found {grid[0]:g}")
-    others = dict(instance("p", {} if p is None else p, Mapping))
-    if "airspeed" in others:
-        raise ValueError("p: expected parameters other than airspeed, which speeds sets")
-    held = held_within_bounds("u", model.u, u)
-    at = held_within_bounds("p", model.p, with_nominal("p", model.p, others, ["airspeed"]))
-    sweep = _Sweep(SteadyStates(model, model.second_order), held, at)
+    motion, grid, held, others = checked_arguments(model, speeds, u, p)
+    at = held_within_bounds("p", model.p, others)
+    sweep = _Sweep(SteadyStates(model, motion), held, at)
     points = [_first(sweep, float(grid[0]))]
     message = "an equilibrium at every speed"
     for speed in grid[1:]:
@@ -204,6 +192,31 @@ def flutter(
         success=success,
         message=message,
     )
+
+
+def checked_arguments(
+    model: ControlModel,
+    speeds: Number,
+    u: Number | Mapping[str, Number] | None,
+    p: Mapping[str, Number] | None,
+    design: Sequence[str] = (),
+) -> tuple[SecondOrder, Array, Array, dict[str, Number]]:
+    """Equations of motion, speeds, inputs and parameters but for the airspeed and the `design`."""
+    instance("model", model, ControlModel)
+    if model.second_order is None or "airspeed" not in model.p.slices:
+        raise ValueError(
+            "model: expected a model with inertia and a parameter airspeed, as wing_model makes "
+            f"it; found {model!r}"
+        )
+    grid = increasing("speeds", speeds, "airspeeds, m/s")
+    if grid[0] <= 0:
+        raise ValueError(f"speeds: expected airspeeds above zero, m/s, found {grid[0]:g}")
+    others = instance("p", {} if p is None else p, Mapping)
+    if "airspeed" in others:
+        raise ValueError("p: expected parameters other than airspeed, which speeds sets")
+    held = held_within_bounds("u", model.u, u)
+    nominal = with_nominal("p", model.p, others, ["airspeed", *design])
+    return model.second_order, grid, held, nominal
 
 
 class _LostError(ArithmeticError):

@@ -9,9 +9,9 @@ import casadi as ca
 import numpy as np
 
 from curvcasadi.control.design import flutter_derivatives
-from curvcasadi.control.flutter import Flutter, flutter
+from curvcasadi.control.flutter import Flutter, checked_arguments, flutter
 from curvcasadi.control.model import ControlModel
-from curvcasadi.control.signals import held_within_bounds, increasing, stacked, with_nominal
+from curvcasadi.control.signals import stacked
 from curvcasadi.symbolic.expressions import Array, Number, choice, function_name, instance, sequence
 
 
@@ -48,19 +48,23 @@ def flutter_speed_function(
     -------
     casadi.Function
         design (m, 1) -> speed (1, 1), m/s.
+
+    Raises
+    ------
+    ValueError
+        As `flutter`, but for what depends on the design.
     """
     instance("model", model, ControlModel)
     known = [part.name for part in model.p.parts if part.name != "airspeed"]
     chosen = [choice("names", key, known) for key in sequence("names", names)]
     sizes = [model.p.slices[key].stop - model.p.slices[key].start for key in chosen]
-    grid, others = increasing("speeds", speeds, "airspeeds, m/s"), dict(p or {})
-    held_within_bounds("u", model.u, u)
-    stacked("p", model.p, with_nominal("p", model.p, others, ["airspeed", *chosen]))
+    _, grid, held, others = checked_arguments(model, speeds, u, p, chosen)
+    stacked("p", model.p, others)
 
     def sweep(design: Array) -> Flutter | None:
         parts = np.split(design, np.cumsum(sizes)[:-1])
         try:
-            return flutter(model, grid, u, {**others, **dict(zip(chosen, parts, strict=True))})
+            return flutter(model, grid, held, {**others, **dict(zip(chosen, parts, strict=True))})
         except ValueError:  # unstable at the first speed, or no wing at all
             return None
 

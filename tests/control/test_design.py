@@ -187,11 +187,13 @@ def test_flutter_and_divergence_by_sweep():
         (-0.1, cc.flutter_derivatives, "speed"),
         (0.05, cc.divergence_derivatives, "divergence_speed"),
     ):
-        found = cc.flutter(model, np.arange(20, 42, 4.0), p={"sweep": angle})
+        found = cc.flutter(model, np.arange(20, 42, 4.0), p={"sweep": angle, "pitch": 0.0})
         at = getattr(found, key)
 
         def speed(step, angle=angle, key=key, at=at):
-            return getattr(cc.flutter(model, [at - 2, at + 2], p={"sweep": angle + step}), key)
+            return getattr(
+                cc.flutter(model, [at - 2, at + 2], p={"sweep": angle + step, "pitch": 0.0}), key
+            )
 
         central = [(speed(s) - speed(-s)) / (2 * s) for s in (2e-3, 1e-3)]
         expected = (4 * central[1] - central[0]) / 3

@@ -294,5 +294,7 @@ def test_what_is_no_trim_of_the_model_is_named(model, trimmed):
 @pytest.mark.parametrize("call", [cc.trimmed_state, cc.flight_modes])
 def test_the_time_of_a_gust_is_asked_for(model, trimmed, call):
     gusty = replace(model, p=cc.Layout((cc.Part("time", 1, "s"),)))
-    with pytest.raises(ValueError, match=r"^p: expected time \(s\), which the model has no nominal"):
+    with pytest.raises(
+        ValueError, match=r"^p: expected time \(s\), which the model has no nominal"
+    ):
         call(gusty, trimmed)

@@ -145,8 +145,8 @@ def test_modes_that_change_much_between_speeds_are_followed_by_way_of_speeds_bet
     file = cc.load_wing(tmp_path / "wing.toml")
     wing = cc.Wing(name="wing", beam=file.beam, strips=file.strips)
     model = cc.wing_model(wing, density=1.225, damping=0.002, outputs=())
-    coarse = cc.flutter(model, [6.0, 9.0])
-    fine = cc.flutter(model, np.linspace(6.0, 9.0, 7))
+    coarse = cc.flutter(model, [6.0, 9.0], p={"pitch": 0.0})
+    fine = cc.flutter(model, np.linspace(6.0, 9.0, 7), p={"pitch": 0.0})
     assert_allclose(coarse.roots, fine.roots[[0, -1]], rtol=1e-6)
 
 

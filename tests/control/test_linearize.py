@@ -92,7 +92,7 @@ def test_python_control_takes_it():
 
 def test_without_python_control_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "control", None)
-    linear = cc.linearize(models.pendulum(), np.zeros(5))
+    linear = cc.linearize(models.pendulum(), np.zeros(5), p=[9.81])
     with pytest.raises(ImportError, match=r"pip install \"curvcasadi\[control\]\""):
         linear.to_control()
 

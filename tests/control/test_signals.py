@@ -103,6 +103,7 @@ def _mpc(model):
         (lambda m, path: cc.flutter(m, SPEEDS), "pitch, GJ"),
         (lambda m, path: cc.flutter(m, SPEEDS, p={"GJ": 1e4}), "pitch"),
         (lambda m, path: cc.flutter_speed_function(m, ["GJ"], SPEEDS), "pitch"),
+        (lambda m, path: cc.flutter_speed_function(m, [], SPEEDS), "pitch, GJ"),
         (lambda m, path: cc.export_fmu(m, path / "wing.fmu", dt=0.01), "airspeed, pitch, GJ"),
         (lambda m, path: _mpc(m).step({}), "airspeed, pitch, GJ"),
         (lambda m, path: _mpc(m).step({}, preview={"pitch": 0.0}), "airspeed, GJ"),

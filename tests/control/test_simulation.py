@@ -110,7 +110,7 @@ def test_a_simulation_that_diverges_keeps_what_it_had():
 def test_an_implicit_step_that_is_too_long_is_named():
     fast = {**START, "rates": [300.0, 5.0]}
     with pytest.raises(cc.ConvergenceError, match=r"did not converge .*newton=True"):
-        cc.simulate(models.pendulum(), fast, [0, 0.5, 1.0], method="implicit_midpoint")
+        cc.simulate(models.pendulum(), fast, [0, 0.5, 1.0], p=9.81, method="implicit_midpoint")
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def test_a_quaternion_off_the_group_is_refused():
 
 
 def test_unknown_parts_of_a_result_are_named(pendulum):
-    result = cc.simulate(pendulum, START, [0, 0.1])
+    result = cc.simulate(pendulum, START, [0, 0.1], p=9.81)
     with pytest.raises(ValueError, match=r"name: expected one of \['configuration', .*found 'q'"):
         result.part("q")
 

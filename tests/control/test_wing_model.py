@@ -343,7 +343,10 @@ def test_a_stream_from_behind_and_a_pitch_in_degrees_are_named():
     model = make(outputs=())
     at = np.zeros(model.x.size)
     for p, message in (
-        ({"airspeed": -1.0}, r"p: airspeed\[0\], m/s: expected within 0 to inf, found -1"),
+        (
+            {"airspeed": -1.0, "pitch": 0.0},
+            r"p: airspeed\[0\], m/s: expected within 0 to inf, found -1",
+        ),
         ({"airspeed": 9.0, "pitch": 3.0}, r"p: pitch\[0\], rad: .* 3 degrees are 0.05236 rad"),
     ):
         with pytest.raises(ValueError, match=message):

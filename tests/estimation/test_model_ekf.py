@@ -101,7 +101,7 @@ def test_on_a_linear_model_it_is_the_filter_of_kalman(shaft, method, dt):
         method=method,
     )
     ekf = cc.shape_ekf(beam, [GYRO, GAUGE], process=process, outputs={"q": 0.02}, gate=np.inf)
-    start = ekf.initial({"q": 0.05, "q_dot": 0.2, "gust": 0.1}, {"q": [0.1, -0.05]})
+    start = ekf.initial({"q": 0.05, "q_dot": 0.2, "gust": 0.1}, {"q": [0.1, -0.05], "gust": 0.0})
     assert ekf.channels.labels == ("gyro_1_x", "gyro_1_y", "gyro_1_z", "shear_1", "q_0", "q_1")
     oracle = Kalman(0.3, 0.2, 0.5, dt, method == "implicit_midpoint")
     x, P = start.state, start.covariance
@@ -460,7 +460,7 @@ def test_a_filter_on_a_model_is_exported(shaft, real, method, tmp_path):
         method=method,
     )
     ekf = cc.shape_ekf(beam, [GYRO, GAUGE], process=process)
-    start = ekf.initial({"q": 0.05, "q_dot": 0.2, "gust": 0.1}, {"q": [0.1, -0.05]})
+    start = ekf.initial({"q": 0.05, "q_dot": 0.2, "gust": 0.1}, {"q": [0.1, -0.05], "gust": 0.0})
     measured = [0.3, 0.0, 0.0, np.nan]
     steps = [
         cc.CFunction(function=ekf.predict, descriptions=ekf.descriptions["predict"]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 from dataclasses import replace
+from itertools import product
 
 import casadi as ca
 import numpy as np
@@ -141,8 +142,10 @@ def test_all_solvers_of_programs_give_the_same_inputs(solver, qp_solver):
         x = expected.states[:, 1]
 
 
-@pytest.mark.parametrize("qp_solver", ["own", "hpipm", "qpoases", "qrqp"])
-@pytest.mark.parametrize("solver", ["rti", "sqp", "ipopt"])
+@pytest.mark.parametrize(
+    ("solver", "qp_solver"),
+    [*product(["rti", "sqp"], ["own", "hpipm", "qpoases", "qrqp"]), ("ipopt", "own")],
+)
 def test_no_solver_leaves_a_step_without_an_input(solver, qp_solver):
     mpc = tip_control(
         solver=solver,
@@ -619,7 +622,7 @@ def test_a_program_without_a_plan_within_its_bounds_says_so():
         ({"preview": {"wind": 1.0}}, "preview: expected names among disturbance, found 'wind'"),
         ({"reference": {"position": np.zeros((4, 3))}}, r"reference\['position'\]: expected 3 num"),
         ({"reference": [0.0, 0.0, 0.0]}, "reference: expected a Mapping"),
-        ({"p": {"disturbanc": 0.0}}, "p: expected names among disturbance, found 'disturbanc'"),
+        ({"p": {"disturbanc": 0.0}}, r"p: expected parts among \['disturbance'\], found"),
         ({"p": np.zeros(4)}, "p: expected 5 numbers"),
         ({"preview": {"disturbance": np.zeros((5, 2))}}, r"preview\['disturbance'\]: expected 5"),
         ({"p": np.full(5, np.nan)}, "p: expected finite numbers"),

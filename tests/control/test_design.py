@@ -201,6 +201,7 @@ def test_flutter_and_divergence_by_sweep():
 
 
 BENT = {"EI": 2e4, "GJ": 1e4, "chord": 1.0, "sweep": 0.05, "ahead": 0.25, "drag": 0.3, "EI_z": 2e4}
+LEVEL = {"pitch": 0.0}
 
 
 @pytest.fixture(scope="module")
@@ -223,7 +224,7 @@ def dragged():
 
 @pytest.fixture(scope="module")
 def diverged(dragged):
-    return cc.flutter(dragged, [24.0, 28.0, 32.0, 36.0], p=BENT)
+    return cc.flutter(dragged, [24.0, 28.0, 32.0, 36.0], p=BENT | LEVEL)
 
 
 @pytest.mark.parametrize("name", BENT)
@@ -234,7 +235,7 @@ def test_divergence_of_a_wing_that_is_bent_in_its_plane(name, dragged, diverged)
     def central(step):
         around = [at - 2, at - 0.5, at + 1]
         ends = [
-            cc.flutter(dragged, around, p={**BENT, name: BENT[name] + s}).divergence_speed
+            cc.flutter(dragged, around, p=BENT | LEVEL | {name: BENT[name] + s}).divergence_speed
             for s in (step, -step)
         ]
         return (ends[0] - ends[1]) / (2 * step)

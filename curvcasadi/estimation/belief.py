@@ -62,13 +62,13 @@ def initial_belief(
     means = {} if mean is None else mean
     _check_names("mean", means, state)
     _check_names("deviation", deviation, error)
+    for part in error.parts:
+        if part.name not in deviation:
+            raise ValueError(f"deviation: expected {part.name!r}, {part.unit}; not found")
     if parameters is not None:
         names = [part.name for part in parameters.parts]
         given = {name: means[name] for name in names if name in means}
         means = {**means, **with_nominal("mean", parameters, given)}
-    for part in error.parts:
-        if part.name not in deviation:
-            raise ValueError(f"deviation: expected {part.name!r}, {part.unit}; not found")
     covariance = np.zeros((error.size, error.size))
     for name, where in error.slices.items():
         size = where.stop - where.start

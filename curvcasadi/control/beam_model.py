@@ -11,10 +11,10 @@ import casadi as ca
 from curvcasadi.beam.beam import Beam
 from curvcasadi.control.bending import element_angles
 from curvcasadi.control.damping import damping_matrix
-from curvcasadi.control.idle import refuse_idle
 from curvcasadi.control.model import ControlModel, SecondOrder
 from curvcasadi.control.second_order import second_order_model
 from curvcasadi.control.spans import curvature_spans
+from curvcasadi.control.symbols import refuse_idle, refuse_sx
 from curvcasadi.dynamics import (
     inverse_dynamics,
     inverse_dynamics_function,
@@ -110,10 +110,11 @@ def beam_model(
     Raises
     ------
     ValueError
-        If a symbol is neither an input nor a parameter, an input or a parameter stands nowhere,
-        there are fewer masses than weights, or as `inverse_dynamics`.
+        If a symbol is SX, or neither an input nor a parameter, an input or a parameter stands
+        nowhere, there are fewer masses than weights, or as `inverse_dynamics`.
     """
     n = instance("beam", beam, Beam).basis.n
+    refuse_sx(beam, sequence("loads", loads))
     wanted = [choice("outputs", key, OUTPUTS) for key in sequence("outputs", outputs)]
     places = [
         station("curvature_stations", xi)

@@ -20,10 +20,10 @@ from curvcasadi.beam.along import scalar
 from curvcasadi.beam.pose import Pose
 from curvcasadi.control.beam_model import CURVATURE_STATIONS
 from curvcasadi.control.bending import element_angles
-from curvcasadi.control.idle import refuse_idle
 from curvcasadi.control.model import ControlModel, symbols_of
 from curvcasadi.control.second_order import second_order_model
 from curvcasadi.control.spans import air_spans, curvature_spans
+from curvcasadi.control.symbols import refuse_idle, refuse_sx
 from curvcasadi.control.wing_equations import equations, forces_function
 from curvcasadi.control.wing_outputs import (
     ACCELERATED,
@@ -41,6 +41,7 @@ from curvcasadi.symbolic.expressions import (
     function_name,
     instance,
     is_numeric,
+    numeric,
     optional,
     positive,
     refuse_repeated,
@@ -143,8 +144,9 @@ def wing_model(
     optional("induced_flow", induced_flow, LiftingLine)
     optional("gust", gust, GustEntry)
     scalar("gravity", gravity)
+    refuse_sx(wing)
     acting = {"lag": lag, "induced_flow": induced_flow, "gust": gust}
-    if positive("density", density, zero=True) == 0:
+    if positive("density", numeric("density", density), zero=True) == 0:
         for key, value in acting.items():
             if value is not None:
                 raise ValueError(f"density: expected a number above zero with {key}, found 0")

@@ -382,3 +382,19 @@ def test_states_decay_at_the_rates_of_the_mean_chord(model):
     x, _, _, p = values(model)
     poles = [*np.repeat(cc.IndicialLag(poles=2).rates, 2), 0.13, 1.0]
     assert_allclose(model.second_order.decays(x, p).full().ravel(), np.multiply(poles, 22.0 / 0.5))
+
+
+def test_sx_symbols_and_symbolic_densities_are_named():
+    symbol = ca.SX.sym("s")
+    wing = hale()
+    stiff = replace(wing.beam, section=replace(wing.beam.section, GJ=symbol))
+    for changed, field in (
+        (replace(wing, strips=replace(wing.strips, chord=symbol)), "StripAerodynamics.chord"),
+        (replace(wing, beam=stiff), "Section.GJ"),
+    ):
+        with pytest.raises(ValueError, match=rf"{field}: expected numbers or MX symbols"):
+            cc.wing_model(changed, density=0.0889)
+    with pytest.raises(ValueError, match=r"Section.GJ: expected numbers or MX symbols"):
+        cc.beam_model(stiff)
+    with pytest.raises(ValueError, match="density: expected numbers, found the symbol"):
+        cc.wing_model(wing, density=ca.MX.sym("rho"))

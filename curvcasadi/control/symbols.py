@@ -1,14 +1,32 @@
-"""Named symbols of a model that act on nothing."""
+"""Symbols in what a model is made of: of the wrong kind, and named ones that act on nothing."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any
 
 import casadi as ca
 
 from curvcasadi.dynamics.system import System
 from curvcasadi.statics.energy import stiffness_matrix
 from curvcasadi.symbolic.expressions import Number
+
+
+def refuse_sx(*descriptions: Any) -> None:
+    """ValueError of an SX symbol in a field of beams, loads or strips: models are made of MX."""
+    for description in descriptions:
+        if isinstance(description, tuple | list):
+            refuse_sx(*description)
+        elif is_dataclass(description):
+            for entry in fields(description):
+                value = getattr(description, entry.name)
+                if isinstance(value, ca.SX):
+                    raise ValueError(
+                        f"{type(description).__name__}.{entry.name}: expected numbers or MX "
+                        f"symbols in a control model, found {value}"
+                    )
+                refuse_sx(value)
 
 
 def refuse_idle(

@@ -40,10 +40,11 @@ def in_free_flight() -> Table:
     """The example in free flight, flown by many aircraft."""
     example = runpy.run_path(str(EXAMPLES / "free_flight_mpc.py"))
     small = example["flyer"]("model", **example["MODEL"])
-    controller, ekf = example["Controller"](small), example["Filter"](small, native=True)
+    mpc, filtered = example["make_mpc"](small), example["make_filter"](small)
     found = []
     for seed in range(AIRCRAFT):
-        flights = example["simulate"](example["Plant"](seed), small, controller, ekf, seed)
+        plant = example["Plant"](seed)
+        flights = example["simulate"](plant, small, mpc, *filtered, seed, native=True)
         found.append([example["peaks"](flight) for flight in flights.values()])
     heights, moments = np.moveaxis(np.array(found), -1, 0)  # (aircraft, flights) each
     changes = 100 * (moments / moments[:, :1] - 1)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import runpy
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -39,32 +40,45 @@ def slopes(f: Callable[..., Array], sizes: Sequence[int], scale: float = STEP) -
 class Loop:
     """The loop of an aircraft as matrices."""
 
-    def __init__(self, example: dict[str, Any], plant: Any, small: Any, ekf: Any, mpc: Any):
-        self.example = example
-        sample, fine = example["SAMPLE"], example["FINE"]
+    def __init__(
+        self, example: dict[str, Any], plant: Any, small: Any, mpc: Any, ekf: Any, start: Any
+    ):
+        self.example, sample = example, example["SAMPLE"]
         model, inner = plant.model, small.model
         nd, ne, nu = model.x.errors.size, inner.x.errors.size, model.u.size
         away = cc.difference
-        calm = plant.trim.x
+        calm, trim = plant.trim.x, plant.trim.u
 
         def moved(dx: Array) -> Array:
             return cc.retract(model, calm, dx).full()[:, 0]
 
+        def held(x: Array, at: Array, command: Array) -> Array:
+            loop = cc.closed_loop(
+                plant.step,
+                x,
+                lambda *_: [trim + command],
+                [0.0, sample],
+                substeps=round(sample / example["FINE"]),
+                actuators=plant.actuators,
+                p=lambda _: np.zeros(1),
+                u=trim + at,
+            )
+            return np.concatenate([loop.x[-1, 0], loop.u[-1, 0] - trim])
+
+        still = np.zeros(nu)
+        rested = held(calm, still, still)[:-nu]
+
         def flown(dx: Array, at: Array, command: Array) -> Array:
-            x, rest = moved(dx), calm
-            still = np.zeros(nu)
-            for _ in range(round(sample / fine)):
-                x, at = plant.after(0.0, x, at, command)
-                rest, still = plant.after(0.0, rest, still, still)
-            return np.concatenate([away(model, rest, x).full()[:, 0], at])
+            after = held(moved(dx), at, command)
+            return np.concatenate([away(model, rested, after[:-nu]).full()[:, 0], after[-nu:]])
 
         def read(dx: Array, at: Array) -> Array:
-            return plant.read(moved(dx), plant.trim.u + at, 0.0)[1].full()[:, 0]
+            return plant.read(moved(dx)[None], (trim + at)[None], np.zeros((1, 1)))[0]
 
-        belief, readings = ekf.start, read(np.zeros(nd), np.zeros(nu))
+        belief, readings = (start.state, start.factor), read(np.zeros(nd), still)
         for _ in range(SETTLED):
-            ahead = ekf.predict(*belief, sample, plant.trim.u)
-            belief = ekf.update(*ahead, readings, plant.trim.u)[:2]
+            ahead = ekf.predict(*belief, sample, trim)
+            belief = ekf.update(*ahead, readings, trim)[:2]
         mean, spread = (np.array(part) for part in ahead)
         rest = mean[: inner.x.size, 0]
         others = mean[inner.x.size + 1 :, 0]
@@ -78,21 +92,21 @@ class Loop:
             x = away(inner, about[: inner.x.size, 0], values[: inner.x.size]).full()[:, 0]
             return np.concatenate([x, [values[inner.x.size] - about[inner.x.size, 0]]])
 
-        after = np.array(ekf.predict(mean, spread, sample, plant.trim.u)[0])
-        corrected = np.array(ekf.update(mean, spread, readings, plant.trim.u)[0])
+        after = np.array(ekf.predict(mean, spread, sample, trim)[0])
+        corrected = np.array(ekf.update(mean, spread, readings, trim)[0])
 
         def predicted(z: Array, u: Array) -> Array:
-            return error(ekf.predict(state(z), spread, sample, plant.trim.u + u)[0], after)
+            return error(ekf.predict(state(z), spread, sample, trim + u)[0], after)
 
         def updated(z: Array, y: Array, u: Array) -> Array:
-            found = ekf.update(state(z), spread, readings + y, plant.trim.u + u)[0]
+            found = ekf.update(state(z), spread, readings + y, trim + u)[0]
             return error(found, corrected)
 
         def asked(z: Array, last: Array) -> Array:
-            mpc.reset()
-            mpc.mpc.reset(small.u + last)
-            mpc.wait(rest, 0.0)
-            return mpc.change(state(z)[: inner.x.size], float(z[ne]))
+            mpc.reset(small.u + last)
+            controller = example["Controller"](small, mpc)
+            controller.wait(rest, 0.0)
+            return controller.change(state(z)[: inner.x.size], float(z[ne]))
 
         self.sizes = nd, nu, ne + 1
         self.flown, self.read = slopes(flown, (nd, nu, nu)), slopes(read, (nd, nu))
@@ -146,10 +160,12 @@ def margins() -> Table:
     """Largest sensitivity of the example, of some of its aircraft."""
     example = runpy.run_path(str(EXAMPLE))
     small = example["flyer"]("model", **example["MODEL"])
-    controller, ekf = example["Controller"](small), example["Filter"](small, native=True)
+    mpc, (ekf, start) = example["make_mpc"](small), example["make_filter"](small)
+    native = {k: cc.compile_function(getattr(ekf, k), derivatives=0) for k in ("predict", "update")}
+    ekf = replace(ekf, **native)
     checks = []
     for seed in SEEDS:
-        loop = Loop(example, example["Plant"](seed), small, ekf, controller)
+        loop = Loop(example, example["Plant"](seed), small, mpc, ekf, start)
         values, growth = loop.margins()
         where = FREQUENCIES[values.argmax()]
         what = f"aircraft {seed}, at {where:.1f} rad/s"

@@ -5,7 +5,7 @@
 Height h, airspeed V, root moments M and inputs u are changes from calm air; v = 2 u, of the outer
 flaps 5 u, and w = 0.4 u over their limits. The HALE aircraft flies level at some 25 m/s and meets a
 1-cosine gust of 2 m/s that lasts 1.5 s. Two flaps along each wing, the elevator and the thrust
-answer. They follow their commands with a lag of 20 ms at their largest rate.
+answer. They follow their commands with a lag of 20 ms and at limited rates.
 
 The aircraft that flies is not the model: it has more weights, elements and states of the air, GJ
 and EI differ by up to 10 %, mass by 5 %, airspeed by 1 m/s, as a seed draws them. Two IMUs and two
@@ -34,13 +34,12 @@ CALM, END = 2.0, 8.0  # s: when the controller takes over; end of the flight
 DT, HORIZON = 0.05, 20  # s; stages
 SAMPLE, LATE, MISSING = 0.025, 1, 0.05  # s; samples; share of them
 FINE, LAG = 0.005, 0.02  # s: step of the plant; lag of the actuators
-VARIED, FASTER = np.array([0.1, 0.1, 0.05]), 1.0  # GJ, EI, mass; m/s
+VARIED, FASTER = {"GJ": 0.1, "EI": 0.1, "mass": 0.05}, 1.0  # relative; m/s
 LIMITS = {"inner": 0.26, "outer": 0.26, "elevator": 0.2, "thrust": 8.0}  # beside trim; rad, N
 EFFORT = {"inner": 2.0, "outer": 5.0, "elevator": 2.0, "thrust": 2.0}
 RATES = {"inner": 1.0, "outer": 1.0, "elevator": 1.0, "thrust": 10.0}  # per second
 MODEL = {"weights": (2, 3, 0), "elements": 4, "modes": 3, "entry": 1}
 PLANT = {"weights": (3, 4, 2), "elements": 8, "modes": None, "entry": None}
-FAMILIES = {"model": cc.FreeTip, "plant": cc.Legendre}
 IMUS, GAUGES = (0.0, 0.5), (0.05, 0.4)  # stations
 KEPT = ("height", "airspeed", "root_moment_right", "root_moment_left")
 READ = ("angular_rate", "acceleration")  # by an IMU
@@ -63,8 +62,8 @@ class Flyer(NamedTuple):
     u: np.ndarray
 
 
-def flyer(name, weights, elements, modes, entry, varied=(1.0, 1.0, 1.0), speed=SPEED):
-    """The aircraft with two flaps along each wing; `varied` are factors of GJ, EI and mass."""
+def flyer(name, weights, elements, modes, entry, GJ=1.0, EI=1.0, mass=1.0, speed=SPEED):
+    """The aircraft with two flaps along each wing; its stiffness and mass times factors."""
     aircraft = cc.load_aircraft(AIRCRAFT)
     wing = aircraft.beams[0]
     orders = {"torsion": 1, "out_of_plane": 2, "in_plane": 2}
@@ -79,10 +78,8 @@ def flyer(name, weights, elements, modes, entry, varied=(1.0, 1.0, 1.0), speed=S
         cc.ControlSurface(name=key, start=start, end=end, lift=3.5, moment=-0.6)
         for key, start, end in (("inner", 0.2, 0.6), ("outer", 0.6, 0.95))
     )
-    section, (gj, ei, mass) = wing.beam.section, varied
-    factors = {"GJ": gj, "EI_y": ei, "EI_z": ei, "mass_per_length": mass}
-    section = replace(section, **{key: k * getattr(section, key) for key, k in factors.items()})
-    beam = replace(wing.beam, basis=basis, grid=cc.Grid.lobatto(elements), section=section)
+    beam = replace(wing.beam, basis=basis, grid=cc.Grid.lobatto(elements))
+    beam = cc.perturbed_beam(beam, GJ=GJ, EI=EI, mass=mass)
     right = replace(wing, beam=beam, strips=replace(wing.strips, controls=flaps))
     body = replace(aircraft.body, mass=mass * aircraft.body.mass)
     aircraft = replace(aircraft, body=body, beams=(right, cc.mirror_wing(right, "left")))
@@ -117,18 +114,17 @@ def sensors(noise):
 
 
 class Plant:
-    """The aircraft that flies, with its actuators and what its sensors read."""
+    """The aircraft that flies: its steps and what its sensors read, in lanes of one."""
 
     def __init__(self, seed):
-        draws = np.random.default_rng(seed).uniform(-1, 1, 4)
-        varied, speed = 1 + VARIED * draws[:3], SPEED + FASTER * draws[3]
-        self.trim = trim = flyer("plant", **PLANT, varied=varied, speed=speed)
+        *draws, faster = np.random.default_rng(seed).uniform(-1, 1, 4)
+        factors = {k: 1 + most * z for (k, most), z in zip(VARIED.items(), draws, strict=True)}
+        self.trim = trim = flyer("plant", **PLANT, **factors, speed=SPEED + FASTER * faster)
         self.model = model = trim.model
-        self.step = compiled(cc.step_function(model, FINE, method="implicit_midpoint"))
+        self.after = compiled(cc.step_function(model, FINE, method="implicit_midpoint"))
         sizes = {"x": model.x.size, "u": model.u.size, "p": model.p.size}
         x, u, p = (ca.MX.sym(key, size) for key, size in sizes.items())
-        y = model.output(x, u, p)
-        parts, outputs, readings = model.x.split(x), model.y.split(y), []
+        parts, outputs, readings = model.x.split(x), model.y.split(model.output(x, u, p)), []
         for wing in trim.aircraft.beams:
             gauges = sensors(NOISE)[-len(GAUGES) :]
             readings += [(key, outputs[f"{key}_{wing.name}"]) for key in READ]
@@ -136,101 +132,82 @@ class Plant:
             readings.append(("strain", strains))
         readings += [(key, outputs[key]) for key in ("height", "airspeed")]
         names, values = zip(*readings, strict=True)
-        self.read = compiled(ca.Function("read", [x, u, p], [y, ca.vertcat(*values)]))
+        self.sensed = compiled(ca.Function("read", [x, u, p], [ca.vertcat(*values)]))
         self.noise = np.repeat([NOISE[key] for key in names], [v.numel() for v in values])
-        self.most = FINE * np.array([RATES[part.name] for part in model.u.parts])
+        self.actuators = cc.Actuators(lag=LAG, rate=[RATES[part.name] for part in model.u.parts])
 
-    def after(self, time, x, at, command):
-        """State and changes of the inputs after a step in which `command` is held."""
-        at = at + np.clip((command - at) * (1 - np.exp(-FINE / LAG)), -self.most, self.most)
-        x, residual = self.step(x, self.trim.u + at, float(GUST(time + FINE / 2)))
-        if not residual < 1e-8:
-            raise ArithmeticError(f"the step at {time:.3f} s does not converge")
-        return x.full()[:, 0], at
+    def step(self, x, u, p):
+        """States after a step; NaN where it does not converge."""
+        after, residual = self.after(x.T, u.T, p.T)
+        return np.where(float(residual) < 1e-8, after.full().T, np.nan)
 
+    def read(self, x, u, p):
+        return self.sensed(x.T, u.T, p.T).full().T
 
-class TrueState:
-    """What nobody has: the state, and the gust of the moment."""
-
-    def __init__(self, plant, small):
-        self.plant, self.small = plant.model, small.model
-
-    def seen(self, x, gust, readings, u):
-        return cc.project_state(self.plant, x, self.small), gust
-
-
-class Filter:
-    """An extended Kalman filter on the model, from readings that are late."""
-
-    def __init__(self, small, native=False):
-        """`native` flies faster, but takes a minute to compile."""
-        model = small.model
-        kinds = {"gust": "gust"}  # by name of the part
-        for part in model.x.parts:
-            kinds[part.name] = next(key for key in sorted(START)[::-1] if part.name.startswith(key))
-        density = {name: DRIVEN[kind] for name, kind in kinds.items() if kind in DRIVEN}
-        process = cc.ModelProcess(
-            model=model, density=density, estimated={"gust": None}, acceleration=0.4
+    def fly(self, control, **sensed):
+        """The flight, of `control` by the state or by what an observer makes of samples."""
+        loop = cc.closed_loop(
+            self.step,
+            self.trim.x,
+            control,
+            SAMPLE * np.arange(round(END / SAMPLE)),
+            substeps=round(SAMPLE / FINE),
+            actuators=self.actuators,
+            p=lambda time: np.array([[float(GUST(time))]]),
+            u=self.trim.u,
+            every=round(DT / SAMPLE),
+            **sensed,
         )
-        outputs = {key: TAKEN[key] for key in ("height", "airspeed")}
-        root = cc.RootMotion(gravity=[0, 0, GRAVITY])
-        on_wings = dict.fromkeys(("right", "left"), sensors(TAKEN))
-        self.ekf = ekf = cc.shape_ekf(
-            small.aircraft, on_wings, process=process, root=root, outputs=outputs
+        keys = {"x": loop.x[:, 0].T, "u": loop.u[:, 0].T, "p": loop.p[:, 0].T}
+        keys["y"] = self.model.output(*keys.values()).full()
+        return cc.Simulation(
+            model=self.model, t=loop.t, **keys, iterations=0.0, success=True, message="flown"
         )
-        functions = ekf.predict, ekf.update
-        self.predict, self.update = map(compiled, functions) if native else functions
-        deviation = {name: START[kind] for name, kind in kinds.items()}
-        mean = {key: small.x[where] for key, where in model.x.slices.items()}
-        start = ekf.initial(deviation, mean)
-        self.start = start.state, start.factor
-        self.ahead = compiled(cc.step_function(model, SAMPLE))
-        self.nx = model.x.size
-        self.reset()
 
-    def reset(self):
-        self.belief, self.late = self.start, []
 
-    def seen(self, x, gust, readings, u):
-        """State and gust of the present from readings of the past, all but the last `LATE`."""
-        self.late.append((readings, u))
-        if len(self.late) > LATE:
-            taken, then = self.late.pop(0)
-            belief = self.predict(*self.belief, SAMPLE, then)
-            self.belief = self.update(*belief, taken, then)[:2]
-        state = np.asarray(self.belief[0]).ravel()
-        x, gust = state[: self.nx], state[self.nx]
-        for _, held in self.late:
-            x = self.ahead(x, held, gust)[0]
-        return np.asarray(x).ravel(), gust
+def make_filter(small):
+    """An extended Kalman filter on the model, and what it starts from."""
+    model, kinds = small.model, {"gust": "gust"}  # by name of the part
+    for part in model.x.parts:
+        kinds[part.name] = next(key for key in sorted(START)[::-1] if part.name.startswith(key))
+    density = {name: DRIVEN[kind] for name, kind in kinds.items() if kind in DRIVEN}
+    process = cc.ModelProcess(
+        model=model, density=density, estimated={"gust": None}, acceleration=0.4
+    )
+    outputs = {key: TAKEN[key] for key in ("height", "airspeed")}
+    root = cc.RootMotion(gravity=[0, 0, GRAVITY])
+    on_wings = dict.fromkeys(("right", "left"), sensors(TAKEN))
+    ekf = cc.shape_ekf(small.aircraft, on_wings, process=process, root=root, outputs=outputs)
+    deviation = {name: START[kind] for name, kind in kinds.items()}
+    mean = {key: small.x[where] for key, where in model.x.slices.items()}
+    return ekf, ekf.initial(deviation, mean)
+
+
+def make_mpc(small):
+    """Predictive control of the model, for one real-time iteration every 50 ms."""
+    names = [part.name for part in small.model.u.parts]
+    trim = dict(zip(names, small.u, strict=True))
+    moment = {f"root_moment_{side}": [0.0, 1 / 150**2, 0.0] for side in ("right", "left")}
+    return cc.Mpc(
+        small.model,
+        dt=DT,
+        horizon=HORIZON,
+        outputs={"height": 1 / 0.2**2, "airspeed": 1 / 0.5**2, **moment},
+        inputs={key: (EFFORT[key] / most) ** 2 for key, most in LIMITS.items()},
+        moves={key: (0.4 / most) ** 2 for key, most in LIMITS.items()},
+        bounds={key: (trim[key] - most, trim[key] + most) for key, most in LIMITS.items()},
+        rate_bounds=RATES,
+        u_trim=trim,
+        compiled=COMPILED,
+    )
 
 
 class Controller:
-    """A real-time iteration every 50 ms, of changes from what was seen in calm air."""
+    """Predictive control of changes from what was seen in calm air."""
 
-    def __init__(self, small):
-        self.small = small
-        names = [part.name for part in small.model.u.parts]
-        trim = dict(zip(names, small.u, strict=True))
-        moment = {f"root_moment_{side}": [0.0, 1 / 150**2, 0.0] for side in ("right", "left")}
-        self.mpc = cc.Mpc(
-            small.model,
-            dt=DT,
-            horizon=HORIZON,
-            outputs={"height": 1 / 0.2**2, "airspeed": 1 / 0.5**2, **moment},
-            inputs={key: (EFFORT[key] / most) ** 2 for key, most in LIMITS.items()},
-            moves={key: (0.4 / most) ** 2 for key, most in LIMITS.items()},
-            bounds={key: (trim[key] - most, trim[key] + most) for key, most in LIMITS.items()},
-            rate_bounds=RATES,
-            u_trim=trim,
-            compiled=COMPILED,
-        )
+    def __init__(self, small, mpc):
+        self.small, self.mpc, self.calm = small, mpc, []
         self.reference = small.model.y.split(small.model.output(small.x, small.u, 0))
-        self.reset()
-
-    def reset(self):
-        self.mpc.reset()
-        self.calm = []
 
     def away(self, x):
         """How far a state is from trim."""
@@ -247,41 +224,40 @@ class Controller:
         return self.mpc.step(x, [gust - rest[-1]], self.reference).u - self.small.u
 
 
-def fly(plant, observer=None, controller=None, seed=0):
-    """A flight with trimmed controls, or of a controller that sees what `observer` does."""
-    trim, rng = plant.trim, np.random.default_rng(seed)
-    x, at = trim.x, np.zeros(len(trim.u))
-    command, rows = at, []
-    for k in range(round(END / SAMPLE)):
-        time = k * SAMPLE
-        y, readings = (v.full()[:, 0] for v in plant.read(x, trim.u + at, float(GUST(time))))
-        rows.append((time, x, trim.u + at, [float(GUST(time))], y))
-        if controller is not None:
-            readings = readings + plant.noise * rng.normal(size=len(readings))
-            readings[rng.random(len(readings)) < MISSING] = np.nan
-            seen = observer.seen(x, float(GUST(time)), readings, trim.u + at)
-            if k % round(DT / SAMPLE) == 0:
-                if time < CALM:
-                    controller.wait(*seen)
-                else:
-                    command = controller.change(*seen)
-        for j in range(round(SAMPLE / FINE)):
-            x, at = plant.after(time + j * FINE, x, at, command)
-    times, *columns = (np.array(column).T for column in zip(*rows, strict=True))
-    keys = dict(zip("xupy", columns, strict=True))
-    return cc.Simulation(
-        model=plant.model, t=times, **keys, iterations=0.0, success=True, message="flown"
-    )
+def simulate(plant, small, mpc, ekf, start, seed, native=False):
+    """The flights of an aircraft, by what its controller knows.
 
+    A `native` filter flies faster, but takes a minute to compile.
+    """
+    rest, nx = plant.trim.u, small.model.x.size
 
-def simulate(plant, small, controller, ekf, seed):
-    """The flights of an aircraft, by what its controller knows."""
-    flights = {"trimmed controls": fly(plant)}
-    for name, observer in {"MPC, true state": TrueState(plant, small), "MPC and EKF": ekf}.items():
-        ekf.reset()
-        controller.reset()
-        flights[name] = fly(plant, observer, controller, seed)
-    return flights
+    def commands(seen):
+        """Commands by the state and the gust that are `seen` in estimates."""
+        controller = Controller(small, mpc.copy())
+
+        def control(time, estimates, applied):
+            known = seen(time, estimates[0])
+            if time < CALM:
+                controller.wait(*known)
+                return [rest]
+            return [rest + controller.change(*known)]
+
+        return control
+
+    def truth(time, x):
+        """What nobody has: the state, and the gust of the moment."""
+        return cc.project_state(plant.model, x, small.model), float(GUST(time))
+
+    def estimated(time, z):
+        return z[:nx], z[nx]
+
+    late = cc.DelayedFilter(ekf, start, dt=SAMPLE, delay=LATE, compiled=native)
+    link = cc.SensorLink(noise=plant.noise, delay=LATE, loss=MISSING, seeds=[seed])
+    return {
+        "trimmed controls": plant.fly(lambda time, x, applied: [rest]),
+        "MPC, true state": plant.fly(commands(truth)),
+        "MPC and EKF": plant.fly(commands(estimated), read=plant.read, link=link, observer=late),
+    }
 
 
 def peaks(flight):
@@ -315,7 +291,7 @@ def plot(flights):
 
 def main(directory=Path("out"), animate=False, seed=0):
     plant, small = Plant(seed), flyer("model", **MODEL)
-    flights = simulate(plant, small, Controller(small), Filter(small), seed)
+    flights = simulate(plant, small, make_mpc(small), *make_filter(small), seed)
     for name, flight in flights.items():
         height, moment = peaks(flight)
         print(f"{name}: height changes by {height:.2f} m, root moment by {moment:.0f} N m")

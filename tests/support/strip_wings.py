@@ -70,9 +70,10 @@ def pazy(case, beam, *, varying=True, suction=1.0):
 
 
 def last_growth(found):
-    """Speed at which the mode that flutters grows no more: linear between two of the sweep, m/s."""
+    """Speed at which the first mode to flutter grows no more, linear in the sweep, m/s."""
     growths = np.where(found.roots.imag > 0, found.roots.real / np.abs(found.roots), -1.0)
-    mode = growths[:, np.argmax(np.sum(growths > 1e-5, axis=0))]
+    first = np.argmax((growths > 1e-5).any(axis=1))
+    mode = growths[:, np.argmax(growths[first])]
     k = np.flatnonzero(mode > 0)[-1]
     share = mode[k] / (mode[k] - mode[k + 1])
     return found.speeds[k] + share * (found.speeds[k + 1] - found.speeds[k])
